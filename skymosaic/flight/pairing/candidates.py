@@ -16,6 +16,7 @@ from scipy import sparse
 from scipy.spatial import KDTree
 
 from golden_model.arrays import Array
+from skymosaic.compositing.warp import magnification
 from skymosaic.flight.layout.extent import overlaps
 from skymosaic.flight.layout.normal_equations import factor_symmetric
 from skymosaic.flight.linking.links import Candidate, Link
@@ -25,10 +26,16 @@ NEXT_IN_ORDER, NEAREST_BY_GPS, MOST_SIMILAR = 2, 4, 4
 """Partners that each view proposes by order, by GPS, and by votes."""
 MIN_VOTES = 9
 """Views without common ground get 2 to 11 votes (measured): a false candidate costs a match, a missed one a link."""
+SAME_VOTES = 128
+"""Votes of photographs that show nearly the same. Of those that are not next in order, each proposes one: what two of
+them show, others tie as well."""
 MAX_PREDICTED = 2
 """Partners that each view proposes per round; the next round sees what these links have changed."""
 MIN_OVERLAP, MIN_GAIN = 0.1, 0.2
 """Smallest overlap and w R of a predicted pair; 0.2 is the mean w R of a network with ten links per photograph."""
+SAME_OVERLAP, MIN_GAIN_OF_SAME = 0.7, 1.0
+"""Photographs that share more, of the larger one too, are only tied where others tie them no better than their own link
+would: a third one that is tied to both tells as much of what is around them."""
 COLUMNS_AT_ONCE = 8
 """Columns of an inverse that are computed together: more take longer, because they leave the processor's cache."""
 
@@ -38,8 +45,9 @@ def first_candidates(views: Sequence[View], votes: NDArray[np.int16]) -> set[Can
     pairs = [(i, i + step) for step in range(1, NEXT_IN_ORDER + 1) for i in range(len(views) - step)]
     pairs += _nearest_by_gps(views)
     for i, row in enumerate(votes):
-        similar = np.argsort(-row, kind="stable")[:MOST_SIMILAR]
-        pairs += [(i, int(j)) for j in similar if row[j] >= MIN_VOTES]
+        similar = [int(j) for j in np.argsort(-row, kind="stable")[:MOST_SIMILAR] if row[j] >= MIN_VOTES]
+        same = [j for j in similar if row[j] >= SAME_VOTES and abs(j - i) > NEXT_IN_ORDER]
+        pairs += [(i, j) for j in similar if j not in same[1:]]
     return {(min(pair), max(pair)) for pair in pairs}
 
 
@@ -63,10 +71,13 @@ def predicted(
     valid = {pair: link for pair, link in links.items() if link.holds and pair[0] in transforms}
     full_overlap_ties = float(np.median([link.ties / max(shares.get(p, 0), MIN_OVERLAP) for p, link in valid.items()]))
     pairs = [pair for pair, share in shares.items() if share >= MIN_OVERLAP and pair not in links]
+    width = {m: views[m].working_size[0] * magnification(views[m].working_size, each) for m, each in transforms.items()}
     proposals: dict[int, list[tuple[float, Candidate]]] = {member: [] for member in transforms}
     for pair, resistance in zip(pairs, _resistances(list(transforms), valid, pairs), strict=True):
         gain = float(shares[pair] * full_overlap_ties * resistance)
-        if gain >= MIN_GAIN:
+        smaller, larger = sorted(width[member] for member in pair)
+        same = shares[pair] * (smaller / larger) ** 2 > SAME_OVERLAP
+        if gain >= (MIN_GAIN_OF_SAME if same else MIN_GAIN):
             for member in pair:
                 proposals[member].append((gain, pair))
     return {pair for offers in proposals.values() for _, pair in sorted(offers, reverse=True)[:MAX_PREDICTED]}

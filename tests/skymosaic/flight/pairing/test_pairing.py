@@ -35,12 +35,15 @@ def test_each_view_proposes_its_four_nearest_and_the_four_that_resemble_it_most(
     votes = np.zeros((12, 12), dtype=np.int16)
     votes[0, 5:11] = 9, 20, 19, 18, 17, 9
     votes[1, 7:9] = 9, 8
+    # Of what shows nearly the same, the next in order and one more.
+    votes[2, [4, 8, 9, 10]] = 200, 199, 198, 197
+    votes[3, 9:12] = 129, 128, 127
     # On a line, whose steps grow, the nearest are those before; a view without GPS has none.
     places = [1.0 * number**2 for number in range(11)]
     views = [*(made.view(taken=above(1e-4 * place)) for place in places), made.view()]
     found = first_candidates(views, votes)
     in_order = {(i, i + step) for step in (1, 2) for i in range(12 - step)}
-    by_votes = {(0, 6), (0, 7), (0, 8), (0, 9), (1, 7)}
+    by_votes = {(0, 6), (0, 7), (0, 8), (0, 9), (1, 7), (2, 8), (3, 9), (3, 11)}
     by_gps = set()
     for view, place in enumerate(places):
         near = sorted((abs(other - place), each) for each, other in enumerate(places) if each != view)[:4]
