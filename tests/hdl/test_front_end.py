@@ -1,7 +1,8 @@
 # amaranth: UnusedElaboratable=no
 """The front end equals the golden model on whole frames, good and bad; compiled, since a frame takes many clocks.
 
-It stands for tests of `level_merge`: order, indices and status; `tests/formal` proves that records leave whole.
+It stands for tests of `level_merge`: order, indices and status. `tests/formal` proves that records leave whole,
+`test_accelerator` predicts a frame's clocks.
 """
 
 import contextlib
