@@ -104,6 +104,7 @@ CONSTRAINT = re.compile(r"(set_max_delay -datapath_only 6\.6|set_false_path)(?: 
 NAMES = re.compile(r"[^\s{}]*_reg[^\s{}]*")
 
 
+@pytest.mark.slow
 def test_every_path_between_the_clocks_is_constrained(folder: Path) -> None:
     """By names that Vivado gives to the registers of the exported Verilog; those at the end are marked ASYNC_REG.
 

@@ -54,10 +54,11 @@ def test_what_headers_forbid_is_refused_before_the_first_feature(tmp_path: Path)
     smaller = pytest.raises(InputError, match="smaller than a pixel; raise `scale`")
     with open_run(photographs, MosaicOptions(scale=0.009)) as run, smaller:
         check(run, tmp_path / "m.tif")
-    with open_run(photographs, MosaicOptions(scale=0.011)) as run:
-        check(run, tmp_path / "m.tif")
-        with pytest.raises(InputError, match=r"m\.tif: JPEG holds 8 bits, the photographs have 16"):
-            check(run, tmp_path / "m.tif", OutputForm(compress="jpeg"))
+    for scale in (0.011, 1.0):
+        with open_run(photographs, MosaicOptions(scale=scale)) as run:
+            check(run, tmp_path / "m.tif")
+            with pytest.raises(InputError, match=r"m\.tif: JPEG holds 8 bits, the photographs have 16"):
+                check(run, tmp_path / "m.tif", OutputForm(compress="jpeg"))
     # One of 8 bits makes a mosaic of 8 bits; a damaged one is judged when it is read.
     for content in (cv2.imencode(".png", np.zeros((80, 100), np.uint8))[1].tobytes(), b"damaged"):
         photographs[0].write_bytes(content)

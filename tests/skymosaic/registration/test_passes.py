@@ -15,7 +15,6 @@ from skymosaic import register
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.features.frames import Change, DescribedImage
 from skymosaic.features.positions import match_points
-from skymosaic.geometry.prosac import MIN_INLIERS
 from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, FrontEndRun
 from skymosaic.registration.passes import MIN_PLACES, PooledMatches, Search, SearchState, explain_refusal, is_coarse
 from tests.skymosaic.registration.rendering import CAMERA, view
@@ -172,7 +171,6 @@ def test_further_passes_do_not_replace_what_predicts_held_out_matches_better(
 def test_why_a_pair_is_refused_is_said_with_the_counts(
     features: tuple[int, int], kept: int, places: int, cause: str
 ) -> None:
-    assert MIN_INLIERS == 12
     matches = np.zeros(40, [("verdict", "u1")])
     matches["verdict"][:kept] = 1
     left, right = (np.zeros(count, "u1") for count in features)
