@@ -241,10 +241,10 @@ def _lay_out_again(
 
     The others were found by chance. They must neither count as contradictions nor put photographs in doubt.
     """
-    again = lay_out(views, layout.members, valid_links({**links, **nearby}))
+    again = lay_out(views, layout.members, valid_links({**links, **nearby}), layout)
     confirmed = {pair: link for pair, link in nearby.items() if link in again.links}
     links |= confirmed
-    return again if len(confirmed) == len(nearby) else lay_out(views, layout.members, valid_links(links))
+    return again if len(confirmed) == len(nearby) else lay_out(views, layout.members, valid_links(links), layout)
 
 
 def _link_nearby(linked: LinkedViews, layout: Layout) -> dict[Candidate, Link]:

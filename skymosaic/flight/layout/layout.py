@@ -117,19 +117,24 @@ class Layout:
         return 1 - sum(link.ties for link in self.links) / near if near else 0.0
 
 
-def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> Layout:
+def lay_out(
+    views: Sequence[View], members: Sequence[int], links: Sequence[Link], before: Layout | None = None
+) -> Layout:
     """Lay out one group of linked views; the model is chosen by its error on held-out ties.
 
     Views that a single link joins to the others while another link contradicts it are left out: either may be false,
     unless one is far surer. So are views that cannot lie where the layout puts them. ``members`` are the group, rising;
-    ``links`` are those that hold, of which those outside the group are ignored.
+    ``links`` are those that hold, of which those outside the group are ignored. A layout of all members that was made
+    ``before`` with other links is gone on from.
     """
     misplaced: dict[int, str] = {}
     overruled: list[Link] = []
     while len(members) > 1:
-        layout = _lay_out_together(views, members, links, overruled)
+        layout = _lay_out_together(views, members, links, overruled, before)
         absent, weaker = _doubtful_part(layout)
         if weaker:
+            # It fell for that one, so it is no place to go on from.
+            before = None
             overruled.append(weaker)
             links = [link for link in links if link is not weaker]
             continue
@@ -143,18 +148,28 @@ def lay_out(views: Sequence[View], members: Sequence[int], links: Sequence[Link]
         rest = set(members) - absent
         inside = [link for link in links if rest.issuperset((link.left, link.right))]
         members = next(part for part in groups(len(views), inside) if rest.issuperset(part))
+        before = layout
     alone = members[0]
     return Layout((alone,), alone, {alone: np.eye(3)}, misplaced=misplaced)
 
 
 def _lay_out_together(
-    views: Sequence[View], members: Sequence[int], links: Sequence[Link], overruled: Sequence[Link]
+    views: Sequence[View],
+    members: Sequence[int],
+    links: Sequence[Link],
+    overruled: Sequence[Link],
+    before: Layout | None = None,
 ) -> Layout:
     """Lay out a group as a whole; links that contradict the others have no part in it, nor have those overruled."""
     group = linked_group(views, members, links)
-    model, reason, start = _choose_model(group)
     network = group.network(slice(None))
-    model, refined = _refine(network, model, start, group.start)
+    if before is None:
+        model, reason, start = _choose_model(group)
+        model, refined = _refine(network, model, start, group.start)
+    else:
+        # What other links change is little, so neither models nor scales from far away are tried again.
+        model, reason = before.model, before.reason
+        refined = network.adjust(group.from_ground(before.transforms, before.reference), model)
     false = [link for link in overruled if {link.left, link.right} <= set(members)]
     while contradicting := _contradicting(group, network.errors_px(refined)):
         false += contradicting

@@ -129,6 +129,18 @@ class LinkedGroup:
         rows = zip(self.members, transforms, self.normalisations, strict=True)
         return {member: to_pixels @ transform @ normalised for member, transform, normalised in rows}
 
+    def from_ground(self, transforms: Mapping[int, Array], reference: int) -> Array:
+        """Convert what `to_ground` returned, of another reference maybe, to normalised coordinates (V, 3, 3)."""
+        placed = np.array([transforms[member] for member in self.members]) @ np.linalg.inv(self.normalisations)
+        placed = self.normalisations[self.reference] @ placed / placed[:, 2:, 2:]
+        if reference == self.members[self.reference]:
+            return np.asarray(placed)
+        # Position, turn and size of the whole are those of the middle of the reference.
+        tilted = placed[self.reference]
+        (a, b), (c, d) = (tilted[:2, :2] - np.outer(tilted[:2, 2], tilted[2, :2])) / 2
+        frame = np.array([[a + d, b - c, tilted[0, 2]], [c - b, a + d, tilted[1, 2]], [0, 0, 1]])
+        return np.asarray(np.linalg.inv(frame) @ placed)
+
 
 def trust_by_loops(pairs: Mapping[tuple[int, int], int], motions: Array) -> Array:
     """How far loops of three links confirm each of them: 0.01 for a link in no loop, 1.5 where two of two close, (L,).

@@ -107,6 +107,23 @@ def test_a_photograph_that_shows_the_sky_keeps_its_place() -> None:
     assert max(top[1:]) < 0
 
 
+def test_a_layout_goes_on_to_where_other_links_lead_also_by_another_reference() -> None:
+    rng = np.random.default_rng(3)
+    above = [cameras.camera(140 * x, 110 * y, *rng.normal(0, (3, 90))) for y in range(3) for x in range(4)]
+    links = cameras.tie_all(above, seed=1)
+    anew = lay_out(views_of(12), range(12), links)
+    middle = anew.reference
+    few = [link for link in links if middle not in (link.left, link.right) or link.right == link.left + 1]
+    before = lay_out(views_of(12), range(12), few)
+    assert len(few) < len(links)
+    assert before.reference != middle
+    on = lay_out(views_of(12), range(12), links, before)
+    assert (on.reference, on.model, len(on.links)) == (middle, anew.model, len(links))
+    corners = np.array([(0.0, 0), (639, 0), (639, 479), (0, 479)])
+    for view, transform in anew.transforms.items():
+        np.testing.assert_allclose(apply(on.transforms[view], corners), apply(transform, corners), atol=1)
+
+
 def test_a_loop_that_does_not_close_takes_trust_from_its_links() -> None:
     def shifted(x: Any) -> Any:
         return np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])

@@ -51,6 +51,17 @@ def test_each_view_proposes_its_four_nearest_and_the_four_that_resemble_it_most(
     assert found == in_order | by_votes | by_gps
 
 
+@pytest.mark.parametrize(("between", "scale", "proposed"), [(1, 1.0, True), (3, 1.0, False), (3, 2.0, True)])
+def test_of_nearly_the_same_only_what_little_else_ties_is_proposed(between: int, scale: float, proposed: bool) -> None:
+    last = between + 1
+    transforms = {view: np.array([[1.0, 0, 15 * view], [0, 1, 0], [0, 0, 1]]) for view in range(last + 1)}
+    transforms[last] = transforms[last] @ np.diag([scale, scale, 1])
+    ties = np.zeros((50, 2))
+    pairs = [pair for view in range(1, last) for pair in ((0, view), (view, last))]
+    links = {pair: Link(*pair, ties, ties, 50, 50) for pair in pairs}
+    assert ((0, last) in predicted(made.views(last + 1), transforms, links)) == proposed
+
+
 @pytest.mark.parametrize(("share", "pairs"), [(0.08, set()), (0.12, {(0, 2)})])
 def test_pairs_of_little_overlap_are_not_proposed(share: float, pairs: set[Any]) -> None:
     views = made.views(3)
