@@ -17,7 +17,7 @@ import numpy as np
 from golden_model.arrays import Array, Matrix, Points
 from skymosaic.common.brief import brief
 from skymosaic.common.errors import InputError
-from skymosaic.geometry.ground import SIDES_PX, STILL, Sight, count_agreeing, lay_over, measure_rival
+from skymosaic.geometry.ground import COARSE_SIDE_PX, SIDES_PX, STILL, Sight, count_agreeing, lay_over, measure_rival
 from skymosaic.geometry.uncertainty import FitQuality, assess_fit
 
 TABLE = Path(__file__).with_name("confidence.json")
@@ -26,6 +26,9 @@ GOOD_PX, POOR_PX = 2.0, 5.0
 """A pair is good below the first predicted error, and poor from the second on."""
 MAX_DOUBT_OF_GOOD, MAX_DOUBT = 0.01, 0.12
 """Doubt up to which a pair may be good, and above which it is refused."""
+MAX_STILL = 0.15
+"""By chance one block in nine agrees at the same pixels although the camera has moved; of displays and watermarks more.
+"""
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,8 @@ class Evidence(FitQuality):
     motion : float
         Mean motion of the picture's corners, as a share of its longer side.
     ground_share : float
-        Share of the ground that agrees, of what can tell, in pictures of 480 px; a half where too little can.
+        Share of the ground that agrees, of what can tell, in pictures of 480 px; a half where too little can. What
+        agrees at the same pixels although the camera has moved is no ground.
     ground_lack : float
         How much more of the ground a camera that moved so far should see agree; 0 where enough agrees. What cannot tell
         counts as well where the camera stood still: a display over nothing looks like lamps at night.
@@ -100,6 +104,9 @@ def measure_evidence(sights: tuple[Sight, Sight], homography: Matrix, left: Poin
     quality = assess_fit(homography, left, right, *(sight.size for sight in sights))
     overlays = [lay_over(side_px, *sights, homography) for side_px in SIDES_PX]
     counts = [count_agreeing(overlay) for overlay in overlays]
+    if counts[-1].motion >= STILL and _share_at_same_pixels(*sights) > MAX_STILL:
+        unmoved = (count_agreeing(lay_over(side_px, *sights, np.eye(3))) for side_px in SIDES_PX)
+        counts = [count_agreeing(*each) for each in zip(overlays, (still.agreeing for still in unmoved), strict=True)]
     finest = counts[-1]
     shares = [count.share for count in counts] + [finest.covered] * (finest.motion < STILL)
     return Evidence(
@@ -109,6 +116,11 @@ def measure_evidence(sights: tuple[Sight, Sight], homography: Matrix, left: Poin
         ground_lack=max(finest.required - min(shares), 0.0),
         rival=measure_rival(overlays[1]),
     )
+
+
+def _share_at_same_pixels(left: Sight, right: Sight) -> float:
+    """How much of two pictures agrees where it is; those of two sizes are of two cameras."""
+    return count_agreeing(lay_over(COARSE_SIDE_PX, left, right, np.eye(3))).share if left.size == right.size else 0.0
 
 
 class _Input(NamedTuple):

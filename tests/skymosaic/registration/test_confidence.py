@@ -15,7 +15,7 @@ from golden_model.arrays import Pixels
 from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.common.errors import InputError
-from skymosaic.geometry.ground import Sight
+from skymosaic.geometry.ground import Sight, count_agreeing, lay_over
 from skymosaic.registration.confidence import TABLE, Evidence, judge, measure_evidence, read_table
 from skymosaic.registration.pair import Pair
 from tests.skymosaic.registration.rendering import CAMERA, view
@@ -130,6 +130,26 @@ def test_pictures_without_texture_neither_agree_nor_disagree() -> None:
     evidence = measure_evidence((Sight(picture), Sight(picture)), shift, points, points + np.array([40, 0]))
     assert (evidence.ground_share, evidence.ground_lack) == (0.5, 0)
     assert evidence.rival == 0
+
+
+@pytest.mark.parametrize(("moved_px", "agrees"), [(0, True), (96, False)])
+def test_watermarks_that_lie_on_each_other_a_period_away_are_no_ground(
+    left: Pixels, moved_px: int, agrees: bool
+) -> None:
+    """Of two places; without motion, `motion` speaks against them."""
+    marked = [left.copy(), view_at(900, seed=5)]
+    for image, x, y in itertools.product(marked, range(0, CAMERA.width_px, 96), range(20, CAMERA.height_px, 32)):
+        cv2.putText(image, "SAMPLE", (x, y), cv2.FONT_HERSHEY_TRIPLEX, 0.7, (255, 255, 255), 2)
+    sights = Sight(marked[0]), Sight(marked[1])
+    shift = np.array([[1.0, 0, moved_px], [0, 1, 0], [0, 0, 1]])
+    points = np.random.default_rng(0).uniform(0, 300, (60, 2))
+    assert count_agreeing(lay_over(480, *sights, shift)).share > 0.4
+    evidence = measure_evidence(sights, shift, points, points + np.array([moved_px, 0]))
+    assert (evidence.ground_share > 0.4) is agrees
+    assert (evidence.ground_share < 0.2) is not agrees
+    # Pictures of two sizes are of two cameras, and have no watermark in common.
+    taller = cv2.copyMakeBorder(marked[1], 0, 16, 0, 0, cv2.BORDER_REFLECT)
+    assert measure_evidence((sights[0], Sight(taller)), shift, points, points).ground_share > 0.4
 
 
 @pytest.mark.parametrize(
