@@ -106,16 +106,6 @@ def test_completion_offers_the_public_names_alone() -> None:
     assert all(hasattr(skymosaic, name) for name in dir(skymosaic))
 
 
-def test_a_plot_shows_both_photographs_and_the_matches(pair: Pair) -> None:
-    pytest.importorskip("matplotlib")
-    plot = pair.plot().axes[0]
-    assert len(plot.images) == 2
-    drawn: Any = plot.collections[0]
-    lines = drawn.get_segments()
-    assert len(lines) == len(pair.inliers)
-    np.testing.assert_allclose([line[0] for line in lines], pair.points().left)
-
-
 def test_a_mosaic_without_gps_has_no_place_on_the_map(pair: Pair, tmp_path: Path) -> None:
     made = skymosaic.mosaic([pair.left.pixels, pair.right.pixels])
     with pytest.raises(RegistrationError, match=r"0 of 2 photographs have GPS.*; nothing was written$"):

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
@@ -17,7 +16,6 @@ from sim.scene import make_pair
 from skymosaic.features.backends import load_backend
 from skymosaic.features.board_client import PORT, BoardBackend, _check_status
 from skymosaic.features.contrast import find_shared, share_pattern
-from skymosaic.features.detectors import detect, keep_one_per_position
 from skymosaic.features.frames import Change, ChangedImage, change_image, map_matches_to_images, swap_sides
 from skymosaic.features.positions import MASK_MARGIN_PX, are_on_ground, match_points, raw_positions
 
@@ -123,14 +121,6 @@ def test_a_display_is_where_images_are_alike(pattern: Array) -> None:
     assert shared[60:100, 20:140].all()
     # The margin is half of the square that is compared, and half of one more.
     assert not shared[:38].any()
-
-
-def test_orientations_of_one_place_count_once() -> None:
-    gray = cv2.cvtColor(make_pair(seed=9, size=(320, 240)).images[0], cv2.COLOR_BGR2GRAY)
-    points = detect(gray, "sift", 500)
-    single = keep_one_per_position(points)
-    assert len(single) == len({point.pt for point in points}) < len(points)
-    assert [point.response for point in single] == sorted((point.response for point in single), reverse=True)
 
 
 def test_points_count_that_are_far_enough_from_what_is_masked() -> None:

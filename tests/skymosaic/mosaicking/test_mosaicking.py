@@ -15,7 +15,7 @@ import rasterio
 from sim.scene import make_lawnmower, make_pair
 from skymosaic import mosaic, register, register_pairs, table_of_pairs
 from skymosaic.common.errors import InputError, RegistrationError
-from skymosaic.common.tables import Table, tabulate
+from skymosaic.common.tables import Table
 from skymosaic.compositing.blend import Blending
 from skymosaic.flight.picture.composition import Room
 from skymosaic.flight.picture.formats import PLAIN, OutputForm
@@ -223,13 +223,6 @@ def test_a_table_of_photographs_has_all_that_were_given(tmp_path: Path) -> None:
     assert metres == pytest.approx(pixels * place.metres_per_pixel, rel=1e-6)
     assert np.argmin(table["map_y"][1:]) == np.argmax(table["y_px"][1:])
     assert table["gps"].tolist() == [False, True, True, True, True]
-
-
-def test_nothing_makes_an_empty_table_and_none_is_not_a_number() -> None:
-    assert tabulate([]) == {}
-    table = tabulate([{"a": None, "b": 1}, {"a": 2.5, "b": 2}])
-    assert np.isnan(table["a"][0])
-    assert table["b"].dtype.kind == "i"
 
 
 @pytest.mark.parametrize("blending", ["multiband", "distance"])

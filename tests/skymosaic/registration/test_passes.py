@@ -15,7 +15,7 @@ from skymosaic import register
 from skymosaic.evaluation.metrics import grid_error
 from skymosaic.features.frames import Change, DescribedImage
 from skymosaic.features.positions import match_points
-from skymosaic.registration.front_end_runs import LARGER_OF_SMALL, FrontEndRun
+from skymosaic.registration.front_end_runs import FrontEndRun
 from skymosaic.registration.passes import MIN_PLACES, PooledMatches, Search, SearchState, explain_refusal, is_coarse
 from tests.skymosaic.registration.rendering import CAMERA, view
 
@@ -110,17 +110,6 @@ def test_photographs_whose_fine_detail_is_noise_are_reduced(monkeypatch: pytest.
     assert grid_error(pair.homography, truth, (640, 480), (640, 480)) < 0.5
     monkeypatch.setattr("skymosaic.registration.passes.COARSE_SHARE", 1.0)
     assert len(register(left, right).inliers) < len(pair.inliers)
-
-
-def test_a_small_frame_that_misses_the_turn_learns_it_from_the_others() -> None:
-    left, _, _ = flat_pair("small", 25, 0)
-    pair = register(left, left, effort="fast")
-    matches = pair.matches.copy()
-    matches["peak_turn"], matches["verdict"] = 8, 0
-    search = Search(GoldenBackend(), pair.working, pair.config, np.random.default_rng(0), lambda matches: matches)
-    missed = search.accept(PooledMatches(pair.features, matches), None, matches["verdict"] == 1, passes=1)
-    found = search._search_together(missed, LARGER_OF_SMALL).pooled.matches[: len(matches)]
-    np.testing.assert_array_equal(found, pair.matches)
 
 
 def test_a_negative_is_registered_and_said_to_be_one(near: tuple[CameraPose, NDArray[np.uint8]]) -> None:

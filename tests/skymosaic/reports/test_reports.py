@@ -222,16 +222,6 @@ def test_when_and_by_what_a_mosaic_was_flown(times: list[str | None], flown: str
     assert not {"area", "resolution"} & set(rows)
 
 
-@pytest.mark.parametrize(
-    ("metres_per_px", "area", "resolution"),
-    [(0.1581, "9998 m²", "15.8 cm per pixel"), (0.15812, "1.00 ha", "15.8 cm per pixel"), (1, "40.00 ha", "100.0 cm")],
-)
-def test_small_areas_are_in_square_metres(metres_per_px: float, area: str, resolution: str) -> None:
-    rows = rows_of_delivery([None] * 3, metres_per_px)
-    assert rows["area"] == area
-    assert rows["resolution"].startswith(resolution)
-
-
 def test_accuracy_is_said_of_what_is_known() -> None:
     unknown = "Not known: no matches were kept aside to measure it."
     assert rows_of_delivery([None] * 3, None)["accuracy"] == unknown

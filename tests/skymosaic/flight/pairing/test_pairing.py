@@ -14,6 +14,7 @@ from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 from skymosaic.flight.pairing.belonging import find_strangers
 from skymosaic.flight.pairing.candidates import first_candidates, predicted
+from skymosaic.flight.pairing.second_look import link_across_heights
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import Metadata, Position
 from tests.skymosaic.flight import made
@@ -94,6 +95,50 @@ def test_photographs_of_two_heights_become_one_mosaic(flight: Flight) -> None:
         true = apply(flight.homography_between(near, far), grid)
         found = apply(np.linalg.inv(result.transforms[far]) @ result.transforms[near], grid)
         assert np.median(np.linalg.norm(found - true, axis=1)) < 0.5
+
+
+class Stub:
+    """A surveyor whose thumbnails have half the size, and that links as a list of numbers of ties says."""
+
+    def __init__(self, *passes: dict[tuple[int, int], int]) -> None:
+        self.passes = list(passes)
+        self.across: list[Any] = []
+        self.asked: list[set[tuple[int, int]]] = []
+
+    def describe_thumbnails(self, views: Any) -> Any:
+        return made.views(len(views), to_original=np.diag([4.0, 4, 1]))
+
+    def count_votes(self, views: Any, across: Any) -> Any:
+        self.across.append((across, [view.to_original[0, 0] for view in views]))
+        votes = np.zeros((len(views), len(views)), np.int16)
+        votes[3] = 7, 1, 9, 0, 0
+        votes[4] = 0, 2, 1, 0, 0
+        return votes
+
+    def link(self, _views: Any, pairs: Any) -> dict[tuple[int, int], Link]:
+        self.asked.append(set(pairs))
+        points = np.arange(40.0).reshape(20, 2)
+        return {pair: Link(*pair, points[:ties], points[:ties], 20, 20) for pair, ties in self.passes.pop(0).items()}
+
+
+def test_of_two_attempts_across_heights_the_link_with_more_ties_stays() -> None:
+    views = made.views(5, to_original=np.diag([2.0, 2, 1]))
+    points = np.ones((9, 2))
+    links = {pair: Link(*pair, points, points, 9, 9) for pair in ((0, 1), (1, 2), (3, 4))}
+    links[2, 3] = Link(2, 3, points[:0], points[:0], 5, 0)
+    stub = Stub({(0, 3): 5, (2, 3): 9, (1, 4): 1}, {(0, 3): 8, (2, 3): 8, (2, 4): 2})
+    found = link_across_heights(stub, views, links)  # type: ignore[arg-type]
+    # One of both is reduced: first those of the small group, then those of the large one.
+    assert stub.across == [([3, 4], [2, 2, 2, 4, 4]), ([3, 4], [4, 4, 4, 2, 2])]
+    # Each is matched with the two of the large group that resemble it most.
+    assert stub.asked == [{(0, 3), (2, 3), (1, 4), (2, 4)}] * 2
+    assert {pair: link.ties for pair, link in found.items()} == {(0, 3): 8, (2, 3): 9, (2, 4): 2}
+    # Working pixels of the views, of which a thumbnail has half: left, in the first attempt, those of a view.
+    assert (found[2, 3].left_points[1].tolist(), found[2, 3].right_points[1].tolist()) == ([2, 3], [4, 6])
+    assert (found[0, 3].left_points[1].tolist(), found[0, 3].right_points[1].tolist()) == ([4, 6], [2, 3])
+    del links[2, 3]
+    links |= {(2, 3): Link(2, 3, points, points, 9, 9)}
+    assert link_across_heights(stub, views, links) == {}  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
