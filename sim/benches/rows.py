@@ -148,7 +148,7 @@ class _Bench:
             readies = self._drive(ctx, pauses)
 
     def _drive(self, ctx: Any, pauses: Pauses) -> list[bool]:
-        """Set the inputs for the next clock; which outputs are taken in it."""
+        """Set the inputs for the next clock; returns which outputs are taken in it."""
         turn = next((n for n, port in enumerate(self.sources) if port.left), len(self.sources))
         for port in self.sources[: turn + 1] if self.block.in_turn else self.sources:
             port.offer(self.cycle, pauses, self.garbage, self.block.spacing_cycles)

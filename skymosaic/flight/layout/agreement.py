@@ -27,7 +27,8 @@ from skymosaic.geometry.homography import apply
 MIN_OVERLAP = 0.5
 """Photographs that share less, as a share of the smaller, have too few patches in common to be compared."""
 MAX_COMPARED = 16
-"""Later photographs that each one is compared with. Where more show one place, half as many are, spread over them."""
+"""Later photographs that each one is compared with. Where more show one place, at most half as many are, spread over
+them."""
 PATCH_PX, STEP_PX, REACH_PX = 48, 40, 12
 """Side of a patch of a thumbnail, distance to the next one, and how far relief may move it."""
 LIGHT_PX, OUTSIDE = 8.0, 1e4

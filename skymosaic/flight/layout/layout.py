@@ -124,8 +124,8 @@ def lay_out(
 
     Views that a single link joins to the others while another link contradicts it are left out: either may be false,
     unless one is far surer. So are views that cannot lie where the layout puts them. ``members`` are the group, rising;
-    ``links`` are those that hold, of which those outside the group are ignored. A layout of all members that was made
-    ``before`` with other links is gone on from.
+    ``links`` are those that hold, of which those outside the group are ignored. ``before`` is a layout of all members
+    by other links, from which this one starts.
     """
     misplaced: dict[int, str] = {}
     overruled: list[Link] = []
