@@ -53,7 +53,6 @@ def test_ranges_and_quantisation() -> None:
     assert not any(SQ(11).holds(np.array([0, beyond])) for beyond in (-1025, 1024))
 
 
-FEATURES = [p.record for p in PATTERNS.values()]
 _FEATURE = "level:1 sector:4 reserved:8 index:16 response:15 x:16 y:16 frame:32 descriptor:"
 _ELEMENTS = "h00:32 h01:32 h02:32 h10:32 h11:32 h12:32 h20:32 h21:32 h22:32"
 

@@ -4,7 +4,6 @@ And what it sees of a picture: whether corners lie where they are said to, and w
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Literal
 from urllib.parse import urljoin
 
@@ -115,11 +114,6 @@ def listen(page: Page) -> list[str]:
     page.on("pageerror", lambda error: heard.append(str(error)))
     page.on("console", lambda said: heard.append(f"{said.text} {said.location}") if said.type == "error" else None)
     return heard
-
-
-def read(path: Path) -> Pixels:
-    """A picture in BGR."""
-    return np.asarray(cv2.imread(str(path)), dtype=np.uint8)
 
 
 def alike(one: Pixels, other: Pixels) -> float:

@@ -88,11 +88,11 @@ HALF_STEP = 1 / 512
 INDEX = np.arange(50)
 
 
-def table(shape: str, *parameters: float, entries: int = 50, trimmed: bool = False) -> np.ndarray:
+def table(shape: str, *parameters: float, trimmed: bool = False) -> np.ndarray:
     """The table of one term, in units of the index."""
     variable = Input("x", 0.0, 49.0, {"a": Term("a", shape, parameters)})
     system = FuzzySystem("s", (variable,), Output("z", -1.0, 3.0, {"c": 2.0}), (IfThen({"x": "a"}, "c"),), "minimum")
-    tables = make_tables(system, [np.arange(float(entries))], trimmed=trimmed)
+    tables = make_tables(system, [INDEX.astype(float)], trimmed=trimmed)
     assert tables.rules[0].output == 0.75, "a share of the output's range"
     return tables.inputs[0].sets["a"]
 

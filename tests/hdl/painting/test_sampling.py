@@ -54,10 +54,6 @@ def expected(size: tuple[int, int], box: tuple[int, int, int, int], colours: Pix
     return np.where(weights[:, None] > 0, inside, 0), weights
 
 
-def is_wide(box: tuple[int, int, int, int]) -> bool:
-    return box[2] - box[0] >= 64
-
-
 def sampled(name: str, *, blank: bool = False) -> Block:
     """The box is written in words of two pixels, as they come from memory, and then asked for."""
     size, box = BOXES[name]

@@ -37,13 +37,11 @@ class GateBench:
         self.last_drop: tuple[int, int] | None = None
         self.drops = 0
 
-    def run(
-        self, beats: list[Beat], *, ready: int = 1, off: int | None = None, others: Sequence[Testbench] = ()
-    ) -> None:
+    def run(self, beats: list[Beat], *, off: int | None = None, others: Sequence[Testbench] = ()) -> None:
         """Send beats; before the one with the number ``off`` the gate is switched off."""
 
         async def camera(ctx: Any) -> None:
-            ctx.set(self.gate.o.ready, ready)
+            ctx.set(self.gate.o.ready, 1)
             await ctx.tick().repeat(2)
             for number, beat in enumerate(beats):
                 if number == off:

@@ -74,9 +74,9 @@ class PaintingBench:
         self.dut = painting.Painting(registers=self.registers)
         self.bench = BlockBench(self.dut)
 
-    def run(self, testbench: Any, *, idle: int = 1) -> None:
+    def run(self, testbench: Any) -> None:
         async def begin(ctx: Any) -> None:
-            ctx.set(self.painter.o_idle, idle)
+            ctx.set(self.painter.o_idle, 1)
             await testbench(ctx)
 
         self.bench.run(begin)

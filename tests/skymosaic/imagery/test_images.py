@@ -35,7 +35,7 @@ def test_what_is_transparent_is_no_ground(tmp_path: Path, kind: str) -> None:
     assert images.load(path).notes == ()
 
 
-def test_reduced_keeps_pixel_centres(tmp_path: Path) -> None:
+def test_reduced_keeps_pixel_centres() -> None:
     wide = np.zeros((600, 2000), np.uint8)
     small, to_original = images.reduce_to_width(wide, 1000)
     assert small.shape == (300, 1000)

@@ -10,7 +10,7 @@ from skymosaic.imagery.lens import Lens
 from skymosaic.imagery.photographs import DecodedPhotographs, Source, index_names, list_sources, short_names
 
 
-def test_decoded_photographs_stay_below_their_limit(tmp_path: Path) -> None:
+def test_decoded_photographs_stay_below_their_limit() -> None:
     sources = [Source(index, f"image {index}", np.full((64, 64), index, np.uint8)) for index in range(5)]
     photographs = DecodedPhotographs(3 * 64 * 64)
     first = photographs.pixels(sources[0], Lens())

@@ -37,12 +37,6 @@ def page_of(folder: Path, delivery: Delivery, check: FlightCheck = FINE) -> tupl
     return {table[0][0]: table for table in cells}, re.findall(r"<li>(.*)</li>", page)
 
 
-def numbers_of(delivery: Delivery) -> dict[str, Any]:
-    """The numbers of one mosaic."""
-    numbers: dict[str, Any] = report.flight_numbers([delivery], FINE)["mosaics"][0]
-    return numbers
-
-
 def test_a_plain_mosaic_has_the_rows_that_all_have(tmp_path: Path) -> None:
     assert page_of(tmp_path / "r", delivered())[0]["file"] == [
         ("file", "m.tif, 800x500"),
