@@ -163,13 +163,13 @@ def _lay_out_together(
     """Lay out a group as a whole; links that contradict the others have no part in it, nor have those overruled."""
     group = linked_group(views, members, links)
     network = group.network(slice(None))
-    if before is None:
-        model, reason, start = _choose_model(group)
-        model, refined = _refine(network, model, start, group.start)
-    else:
-        # What other links change is little, so neither models nor scales from far away are tried again.
+    if before is not None:
         model, reason = before.model, before.reason
         refined = network.adjust(group.from_ground(before.transforms, before.reference), model)
+    # Models and scales from far away are tried again only where more links contradict than did before.
+    if before is None or _count_false(network, refined) > len(before.contradicting):
+        model, reason, start = _choose_model(group)
+        model, refined = _refine(network, model, start, group.start)
     false = [link for link in overruled if {link.left, link.right} <= set(members)]
     while contradicting := _contradicting(group, network.errors_px(refined)):
         false += contradicting

@@ -8,6 +8,7 @@ a strip that is well linked have a small w R; strips that meet, and loops that c
 links, w R adds up to the number of photographs less one (Foster 1949), which is 0.2 per link with ten links each.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -20,14 +21,16 @@ from skymosaic.compositing.warp import magnification
 from skymosaic.flight.layout.extent import overlaps
 from skymosaic.flight.layout.normal_equations import factor_symmetric
 from skymosaic.flight.linking.links import Candidate, Link
+from skymosaic.flight.linking.resemblance import COMPACT_FEATURES
 from skymosaic.flight.linking.view import View
 
 NEXT_IN_ORDER, NEAREST_BY_GPS, MOST_SIMILAR = 2, 4, 4
 """Partners that each view proposes by order, by GPS, and by votes."""
 MIN_VOTES = 9
 """Views without common ground get 2 to 11 votes (measured): a false candidate costs a match, a missed one a link."""
-SAME_VOTES = 128
-"""Votes of photographs that show nearly the same. Of those that are not next in order, each proposes one: what two of
+SAME_VOTES = COMPACT_FEATURES // 2
+"""Votes of photographs that show nearly the same: of frames above one place 150 and more; the fourth most similar one
+of a survey has fewer than 106 in 95 % of all cases. Of those that are not next in order, each proposes one: what two of
 them show, others tie as well."""
 MAX_PREDICTED = 2
 """Partners that each view proposes per round; the next round sees what these links have changed."""
@@ -35,7 +38,8 @@ MIN_OVERLAP, MIN_GAIN = 0.1, 0.2
 """Smallest overlap and w R of a predicted pair; 0.2 is the mean w R of a network with ten links per photograph."""
 SAME_OVERLAP, MIN_GAIN_OF_SAME = 0.7, 1.0
 """Photographs that share more, of the larger one too, are only tied where others tie them no better than their own link
-would: a third one that is tied to both tells as much of what is around them."""
+would: a third one that is tied to both tells as much of what is around them. With less, surveys lose links that they
+need: a kite's 20 of them, where the smaller photograph's share counted."""
 COLUMNS_AT_ONCE = 8
 """Columns of an inverse that are computed together: more take longer, because they leave the processor's cache."""
 
@@ -71,12 +75,13 @@ def predicted(
     valid = {pair: link for pair, link in links.items() if link.holds and pair[0] in transforms}
     full_overlap_ties = float(np.median([link.ties / max(shares.get(p, 0), MIN_OVERLAP) for p, link in valid.items()]))
     pairs = [pair for pair, share in shares.items() if share >= MIN_OVERLAP and pair not in links]
-    width = {m: views[m].working_size[0] * magnification(views[m].working_size, each) for m, each in transforms.items()}
+    sizes = {member: views[member].working_size for member in transforms}
+    area = {m: math.prod(size) * magnification(size, transforms[m]) ** 2 for m, size in sizes.items()}
     proposals: dict[int, list[tuple[float, Candidate]]] = {member: [] for member in transforms}
     for pair, resistance in zip(pairs, _resistances(list(transforms), valid, pairs), strict=True):
         gain = float(shares[pair] * full_overlap_ties * resistance)
-        smaller, larger = sorted(width[member] for member in pair)
-        same = shares[pair] * (smaller / larger) ** 2 > SAME_OVERLAP
+        smaller, larger = sorted(area[member] for member in pair)
+        same = shares[pair] * smaller > SAME_OVERLAP * larger
         if gain >= (MIN_GAIN_OF_SAME if same else MIN_GAIN):
             for member in pair:
                 proposals[member].append((gain, pair))

@@ -124,6 +124,18 @@ def test_a_layout_goes_on_to_where_other_links_lead_also_by_another_reference() 
         np.testing.assert_allclose(apply(on.transforms[view], corners), apply(transform, corners), atol=1)
 
 
+def test_a_layout_that_more_links_contradict_is_not_gone_on_from() -> None:
+    """A tree of links says little of cameras that lean much."""
+    rng, joined, tree = np.random.default_rng(28), {0}, list[Link]()
+    above = [cameras.camera(140 * x, 110 * y, *rng.normal(0, (25, 90))) for y in range(3) for x in range(4)]
+    links = cameras.tie_all(above, seed=28)
+    while len(joined) < 12:
+        tree.append(next(link for link in links if (link.left in joined) != (link.right in joined)))
+        joined |= {tree[-1].left, tree[-1].right}
+    on = lay_out(views_of(12), range(12), links, lay_out(views_of(12), range(12), tree))
+    assert (len(on.links), len(on.members)) == (len(links), 12)
+
+
 def test_a_loop_that_does_not_close_takes_trust_from_its_links() -> None:
     def shifted(x: Any) -> Any:
         return np.array([[1.0, 0, x], [0, 1, 0], [0, 0, 1]])
