@@ -2,7 +2,7 @@
 
 The truth of a real pair is a homography as well, one of several planes, and favours the method that gave it. So small
 patches are looked for around where the answer puts them and around where that truth does, there and back; what is
-found, from either side, is where the ground is.
+found, from either side, is where the ground is. The patches of two methods are nearly but not quite the same ones.
 """
 
 from typing import NamedTuple
@@ -32,7 +32,7 @@ class _Found(NamedTuple):
 def confirmed_share(left: Pixels, right: Pixels, answer: Matrix | None, truth: Matrix) -> float | None:
     """Share of the patches, of those that are found in both images, that an answer puts within `NEAR_PX`.
 
-    None where fewer than `MIN_PATCHES` are found: as among rows of a crop, where they may be those of other rows.
+    None where fewer than `MIN_PATCHES` are found. Of a field in rows, a few are found a row off.
 
     Parameters
     ----------

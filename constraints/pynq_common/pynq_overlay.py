@@ -1,7 +1,8 @@
 """Loads an overlay for this process alone, and moves data by its AXI DMAs in simple mode. Needs PYNQ 3.0 or newer.
 
-Every wait ends after a number of looks, since a clock would count what other programs take as well. PYNQ's own `wait`,
-`start` and `stop` do not end: they are called only where they return at once.
+Every wait ends after a number of looks, which takes at least as long as its limit: by a clock, it would end although
+nothing is wrong where other programs hold the processor. PYNQ's own `wait`, `start` and `stop` have no limit: they are
+called only where they return at once.
 """
 
 import fcntl

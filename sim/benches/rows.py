@@ -64,7 +64,8 @@ class _Port:
         if not self.offered:
             self.offered = bool(self.left) and late and not pauses.gap(cycle, self.number)
             self.bits = self.left[-1] if self.offered else garbage.getrandbits(len(self.word))
-            self.begins += [cycle] * self.offered
+            if self.offered:
+                self.begins.append(cycle)
 
     def pass_on(self, cycle: int, ready: int) -> None:
         """Of an input: what was offered has been taken, or waits."""
