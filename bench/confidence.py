@@ -171,7 +171,9 @@ def verdict_rows(doubt: Array, predicted_px: Array, errors_px: Array) -> list[Ro
             "2 to 5 px": int(((errors_px[chosen] >= GOOD_PX) & (errors_px[chosen] < POOR_PX)).sum()),
             "5 px and more": int((errors_px[chosen] >= POOR_PX).sum()),
             "below what is predicted": f"{100 * np.mean(errors_px[chosen] <= predicted_px[chosen]):.0f} %",
-            "predicted over true": f"{np.median(predicted_px[chosen] / errors_px[chosen]):.1f}",
+            "predicted over true": ""
+            if verdict == "refused"
+            else f"{np.median((predicted_px / errors_px)[chosen]):.1f}",
         }
         for verdict, chosen in kinds.items()
     ]

@@ -189,6 +189,15 @@ def count_agreeing(overlay: Overlay, explained: Mask | None = None) -> GroundAgr
     return GroundAgreement(agreeing, count, _motion(to_right, own.shape[::-1]), agreed / max(within, 1), voted)
 
 
+def find_unmoved(overlay: Overlay, left: Sight, right: Sight) -> Mask:
+    """The blocks (rows, columns) that agree at the same pixels, although the homography moves them away from there."""
+    agreeing = count_agreeing(lay_over(overlay.side_px, left, right, np.eye(3))).agreeing
+    rows, columns = (np.arange(0, side // BLOCK_PX * BLOCK_PX, BLOCK_PX) for side in overlay.own.shape)
+    middles = np.stack(np.meshgrid(columns, rows), axis=-1) + (BLOCK_PX - 1) / 2
+    # Around the middle of a turn, a block agrees at both places, and is ground.
+    return np.asarray(agreeing & (np.abs(apply(overlay.to_right, middles) - middles).max(axis=-1) > 2 * NEAR_PX))
+
+
 def _mask_common(left: Sight, right: Sight, to_right: Matrix) -> Pixels:
     """The left picture's mask of the ground that both show, 255 there, by a homography between the pictures."""
     shown = overlap_mask(to_right, left.size, right.size)

@@ -17,7 +17,16 @@ import numpy as np
 from golden_model.arrays import Array, Matrix, Points
 from skymosaic.common.brief import brief
 from skymosaic.common.errors import InputError
-from skymosaic.geometry.ground import COARSE_SIDE_PX, SIDES_PX, STILL, Sight, count_agreeing, lay_over, measure_rival
+from skymosaic.geometry.ground import (
+    COARSE_SIDE_PX,
+    SIDES_PX,
+    STILL,
+    Sight,
+    count_agreeing,
+    find_unmoved,
+    lay_over,
+    measure_rival,
+)
 from skymosaic.geometry.uncertainty import FitQuality, assess_fit
 
 TABLE = Path(__file__).with_name("confidence.json")
@@ -27,8 +36,8 @@ GOOD_PX, POOR_PX = 2.0, 5.0
 MAX_DOUBT_OF_GOOD, MAX_DOUBT = 0.01, 0.12
 """Doubt up to which a pair may be good, and above which it is refused."""
 MAX_STILL = 0.15
-"""By chance one block in nine agrees at the same pixels although the camera has moved; of displays and watermarks more.
-"""
+"""By chance, one block in nine agrees at the same pixels although the camera has moved. Where more do, they may be of a
+display or of watermarks; a pair that exceeds it by chance loses a few of its votes, right and wrong ones alike."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +114,7 @@ def measure_evidence(sights: tuple[Sight, Sight], homography: Matrix, left: Poin
     overlays = [lay_over(side_px, *sights, homography) for side_px in SIDES_PX]
     counts = [count_agreeing(overlay) for overlay in overlays]
     if counts[-1].motion >= STILL and _share_at_same_pixels(*sights) > MAX_STILL:
-        unmoved = (count_agreeing(lay_over(side_px, *sights, np.eye(3))) for side_px in SIDES_PX)
-        counts = [count_agreeing(*each) for each in zip(overlays, (still.agreeing for still in unmoved), strict=True)]
+        counts = [count_agreeing(overlay, find_unmoved(overlay, *sights)) for overlay in overlays]
     finest = counts[-1]
     shares = [count.share for count in counts] + [finest.covered] * (finest.motion < STILL)
     return Evidence(
@@ -119,7 +127,7 @@ def measure_evidence(sights: tuple[Sight, Sight], homography: Matrix, left: Poin
 
 
 def _share_at_same_pixels(left: Sight, right: Sight) -> float:
-    """How much of two pictures agrees where it is; those of two sizes are of two cameras."""
+    """Share of the blocks that agree at the same pixels; 0 for pictures of two sizes, which have none in common."""
     return count_agreeing(lay_over(COARSE_SIDE_PX, left, right, np.eye(3))).share if left.size == right.size else 0.0
 
 

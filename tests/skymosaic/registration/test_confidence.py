@@ -16,6 +16,7 @@ from sim.scene import CameraPose
 from skymosaic import register
 from skymosaic.common.errors import InputError
 from skymosaic.geometry.ground import Sight, count_agreeing, lay_over
+from skymosaic.geometry.homography import apply
 from skymosaic.registration.confidence import TABLE, Evidence, judge, measure_evidence, read_table
 from skymosaic.registration.pair import Pair
 from tests.skymosaic.registration.rendering import CAMERA, view
@@ -126,6 +127,18 @@ def test_watermarks_that_lie_on_each_other_a_period_away_are_no_ground(
     # Pictures of two sizes are of two cameras, and have no watermark in common.
     taller = cv2.copyMakeBorder(marked[1], 0, 16, 0, 0, cv2.BORDER_REFLECT)
     assert measure_evidence((sights[0], Sight(taller)), shift, points, points).ground_share > 0.4
+
+
+def test_ground_around_the_middle_of_a_turn_is_ground(left: Pixels) -> None:
+    """There, it agrees at the same pixels as well; elsewhere, a fifth of it has changed."""
+    size = CAMERA.width_px, CAMERA.height_px
+    turn = np.vstack([cv2.getRotationMatrix2D((size[0] / 2, size[1] / 2), 1.5, 1.0), [0, 0, 1]])
+    turned = np.asarray(cv2.warpPerspective(left, turn, size, borderMode=cv2.BORDER_REFLECT), np.uint8)
+    turned[:, : size[0] // 5] = left[::-1, : size[0] // 5]
+    points = np.random.default_rng(0).uniform(0, 300, (60, 2))
+    evidence = measure_evidence((Sight(left), Sight(turned)), turn, points, apply(turn, points))
+    assert evidence.ground_lack == 0
+    assert evidence.ground_share > 0.7
 
 
 @pytest.mark.parametrize(
