@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutants.mutants import find_mutants, main, notices
+from tests.mutants.mutants import find_mutants, main
 
 SOURCE = '''"""Docstrings, True and 1 in texts, are left alone."""
 
@@ -42,15 +42,6 @@ def test_each_mutant_is_one_other_program() -> None:
     (described,) = (each.describe(SOURCE.encode()) for each in found if "any(" in each.describe(SOURCE.encode()))
     assert all(SOURCE.count(each.old) == 1 and each.path == Path("a.py") for each in found)
     assert described.startswith("a.py:6: return all(y is not None for y in (x, x % 2))  ->  return any(y is not None")
-
-
-@pytest.mark.parametrize(("line", "says"), [("x = 1", ""), ("x = 2", "test_a.py::test_it")])
-def test_what_the_tests_say_of_a_tree(tmp_path: Path, line: str, says: str) -> None:
-    (tmp_path / "code_of_tree.py").write_text(line)
-    (tmp_path / "test_a.py").write_text("def test_it():\n    import code_of_tree\n    assert code_of_tree.x == 1\n")
-    said = notices(tmp_path, [Path("test_a.py")])
-    assert bool(said) == bool(says)
-    assert says in said
 
 
 def test_a_list_is_written_and_replayed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,8 +21,3 @@ def test_names_and_offsets_are_unique_and_fields_do_not_overlap() -> None:
 def test_each_fault_has_a_bit_of_its_own_from_the_lowest_on(flags: type[enum.IntFlag]) -> None:
     """What model and hardware share is no check of either: hosts of earlier boards read these."""
     assert [fault.value for fault in flags.__members__.values()] == [1 << bit for bit in range(len(flags.__members__))]
-
-
-def test_the_faults_of_each_ring_are_those_of_one() -> None:
-    for ring, shift in (("FEATURES", 0), ("MATCHES", 3)):
-        assert [Refusal[f"{ring}_{fault.name}"] for fault in RingFault] == [fault << shift for fault in RingFault]

@@ -77,10 +77,6 @@ def test_the_frame_behind_a_short_line_is_whole_where_a_wide_border_takes_long_t
     assert found == [Cause.EARLY_END, 0]
 
 
-def test_the_default_build_has_the_queue_that_was_synthesised() -> None:
-    assert build_camera(20, 1920)._shell._crossing.depth == 4096
-
-
 def list_driven(fragment: Fragment) -> Iterator[Signal]:
     """The signals that anything below assigns."""
     for statements in fragment.statements.values():
