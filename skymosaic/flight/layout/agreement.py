@@ -5,6 +5,7 @@ is false from one that is right. Crowns of trees, water, walls and displays diff
 a photograph counts only if it is recognised: if it looks the same in any of those that the layout lays over it.
 """
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -27,8 +28,8 @@ from skymosaic.geometry.homography import apply
 MIN_OVERLAP = 0.5
 """Photographs that share less, as a share of the smaller, have too few patches in common to be compared."""
 MAX_COMPARED = 16
-"""Later photographs that each one is compared with. Where more show one place, at most half as many are, spread over
-them."""
+"""Later photographs that each one is compared with. Where more lie on it, they show one place, and at most half as many
+are compared, spread over all of them."""
 PATCH_PX, STEP_PX, REACH_PX = 48, 40, 12
 """Side of a patch of a thumbnail, distance to the next one, and how far relief may move it."""
 LIGHT_PX, OUTSIDE = 8.0, 1e4
@@ -98,11 +99,10 @@ def measure_agreement(views: Sequence[View], transforms: Mapping[int, Array]) ->
     for (left, right), share in sorted(overlaps(views, transforms).items()):
         if share >= MIN_OVERLAP:
             over.setdefault(left, []).append(right)
-    pairs = [
-        (left, right)
-        for left, each in over.items()
-        for right in (each if len(each) <= MAX_COMPARED else each[:: -(-2 * len(each) // MAX_COMPARED)])
-    ]
+    pairs = list[Candidate]()
+    for left, each in over.items():
+        step = 1 if len(each) <= MAX_COMPARED else math.ceil(2 * len(each) / MAX_COMPARED)
+        pairs += [(left, right) for right in each[::step]]
     look = lru_cache(4 * MAX_COMPARED)(lambda member: band_pass(to_gray(views[member].thumbnail), LIGHT_PX))
     fits, recognised = dict[Candidate, Array](), dict[int, NDArray[np.bool_]]()
     for one, other in (each for pair in pairs for each in (pair, pair[::-1])):

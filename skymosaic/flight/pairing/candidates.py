@@ -38,8 +38,8 @@ MIN_OVERLAP, MIN_GAIN = 0.1, 0.2
 """Smallest overlap and w R of a predicted pair; 0.2 is the mean w R of a network with ten links per photograph."""
 SAME_OVERLAP, MIN_GAIN_OF_SAME = 0.7, 1.0
 """Photographs that share more, of the larger one too, are only tied where others tie them no better than their own link
-would: a third one that is tied to both tells as much of what is around them. With less, surveys lose links that they
-need: a kite's 20 of them, where the smaller photograph's share counted."""
+would: a third one that is tied to both tells as much of what is around them. Were it the share of the smaller one, a
+kite's flight would lose 20 links that it needs."""
 COLUMNS_AT_ONCE = 8
 """Columns of an inverse that are computed together: more take longer, because they leave the processor's cache."""
 
