@@ -68,7 +68,7 @@ class PairOfTies:
 
 def errors(
     flights: Annotated[list[str], typer.Argument(help=f"Folders of photographs, or of: {', '.join(RENDERED)}.")],
-    warp: Annotated[Warp, typer.Option(help="As of `skymosaic mosaic`.")] = "homography",
+    warp: Annotated[Warp, typer.Option(help="As of `skymosaic mosaic`.")] = "auto",
     json_file: JsonFile = None,
 ) -> None:
     """Errors as the report says them, and as independent ties show them, px at 1600 px wide.
@@ -140,10 +140,8 @@ def find_ties(flight: Flight, layout: Layout) -> list[PairOfTies]:
 
     def bend(member: int, points: Points) -> Points:
         """Where the mosaic's photograph, which a mesh may warp, shows points."""
-        if member not in layout.meshes:
-            return points
-        to_working = np.asarray(np.linalg.inv(flight.views[member].to_original) @ to_original[member])
-        return apply(np.asarray(np.linalg.inv(to_working)), layout.meshes[member].find(apply(to_working, points)))
+        bent = layout.bend(member, flight.views[member], apply(to_original[member], points))
+        return apply(np.asarray(np.linalg.inv(to_original[member])), bent)
 
     pairs = []
     for left, right in track(likely_pairs(flight, layout), "ties", console=Console(stderr=True), transient=True):

@@ -18,6 +18,7 @@ from skymosaic.flight.checking.check import FlightCheck, check_flight
 from skymosaic.flight.checking.fly_again import plan_again
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.mapping.place import list_contradictions
+from skymosaic.flight.picture.relief import follow_relief
 from skymosaic.imagery.band_sets import group_band_sets
 from skymosaic.imagery.images import check_output
 from skymosaic.imagery.key_frames import flight_sources
@@ -52,7 +53,7 @@ def check(
         captures = [source.with_damaged(keep=options.keeps_damaged) for source in captures]
         if options.boundary is not None:
             check_boundary(captures, options, options.boundary)
-        flight = lay_out(captures, options, workers, session.note)
+        flight = follow_relief(lay_out(captures, options, workers, session.note))
     report = check_flight(flight)
     contradictions = list_contradictions(flight, options.control_points)
     report = dataclasses.replace(report, problems=(*report.problems, *contradictions))

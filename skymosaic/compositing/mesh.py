@@ -42,8 +42,8 @@ CHECK_CELLS = 10
 """Held-out matches lie in alternate fields of a chessboard on the ground, with so many along a side of an image."""
 MIN_GAIN = 0.03
 """Rise of the share of held-out matches within 2 px from which warping photographs is worthwhile."""
-PLACED_PX = 512
-"""Side of the tiles in which positions are computed."""
+PLACED_PX = 8
+"""Side of the cells of the reference frame in whose middles positions are computed."""
 FINDING_STEPS = 3
 """A displacement changes by at most a tenth of itself over its own length, so each step leaves a tenth of the error."""
 
@@ -97,23 +97,16 @@ class Mesh:
         The image may have any ``size``, over which the grid is stretched. ``transform`` is from pixels of the warped
         image to reference pixels. Interpolated there, the image is warped and transformed at once.
         """
-        places = np.empty((part.height_px, part.width_px, 2), np.float32)
-        # All that a tile needs stays in the processor's cache.
-        for tile in part.tiles(PLACED_PX):
-            places[tile.within(part)] = self._places_in_tile(size, transform, tile)
-        return places
-
-    def _places_in_tile(self, size: tuple[int, int], transform: Array, tile: Canvas) -> Float32:
-        source = source_window(size, transform, tile)
-        matrix = tile.translation @ transform @ np.linalg.inv(source.translation)
-        # Of a camera without distortion; in doubles, and faster than NumPy.
-        tile_size = tile.width_px, tile.height_px
-        places, _ = cv2.initUndistortRectifyMap(np.eye(3), None, None, matrix, tile_size, cv2.CV_32FC2)
-        field = self._field(size, source)
-        # OpenCV interpolates at 32nds of a pixel, by which a displacement hardly changes.
-        moved = cv2.remap(field, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        cv2.add(places, moved, dst=places)
-        return np.asarray(cv2.add(places, (source.x_px, source.y_px, 0, 0), dst=places))
+        # Both change slowly, so they are computed in the middles of cells of the reference frame, the same ones for
+        # every part, and interpolated.
+        around = part.grown(PLACED_PX // 2).aligned(PLACED_PX)
+        columns, rows = around.width_px // PLACED_PX, around.height_px // PLACED_PX
+        x, y = np.arange(columns) + around.x_px // PLACED_PX, np.arange(rows) + around.y_px // PLACED_PX
+        middles = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) * PLACED_PX + (PLACED_PX - 1) / 2
+        points, stretched = apply(np.asarray(np.linalg.inv(transform)), middles), np.array(size) / self.size
+        places = (points + stretched * self.displacement(points / stretched)).reshape(rows, columns, 2)
+        enlarged = cv2.resize(places.astype(np.float32), (around.width_px, around.height_px))
+        return np.asarray(enlarged[part.within(around)])
 
     def window(self, size: tuple[int, int], transform: Array, part: Canvas) -> Canvas:
         """The rectangle of image pixels that `places` needs, as `source_window`."""
@@ -122,30 +115,14 @@ class Mesh:
         assert window is not None
         return window
 
-    def _field(self, size: tuple[int, int], window: Canvas) -> Float32:
-        """Displacements (height, width, 2), px, in a window of the warped image."""
-        rows, columns = self.nodes_px.shape[:2]
-        # Bilinear interpolation is separable: a product of matrices on either side.
-        down = _interpolate(window.y_px, window.height_px, size[1], rows)
-        across = _interpolate(window.x_px, window.width_px, size[0], columns)
-        x, y = (self.nodes_px * (np.array(size) / self.size)).astype(np.float32).transpose(2, 0, 1)
-        return np.asarray(cv2.merge([down @ x @ across.T, down @ y @ across.T]))
-
-
-def _interpolate(first: int, count: int, pixels: int, nodes: int) -> Float32:
-    """Weights (count, nodes) of the nodes at some pixels of a side, with the outermost nodes at its ends."""
-    places = np.arange(first, first + count) * ((nodes - 1) / max(pixels - 1, 1))
-    return np.asarray(np.maximum(1 - np.abs(places[:, None] - np.arange(nodes)), 0), dtype=np.float32)
-
 
 def fit_meshes(
-    frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[int], *, always: bool
+    frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[int]
 ) -> tuple[dict[int, Mesh], tuple[float, float]]:
     """Fit the grids that bring some of the images, ``bent``, closer to the others under their homographies.
 
-    There are none where held-out matches do not gain by them, unless ``always``, or with fewer than 30 matches within
-    reach of the homographies. Returns also which share of the held-out matches within 12 px lies within 2 px: under
-    homographies alone, and with grids.
+    There are none where held-out matches do not gain by them. Returns also which share of the held-out matches within
+    12 px lies within 2 px: under homographies alone, and with grids.
     """
     width, height = frames[bent[0]].size
     columns, rows = (max(round(CELLS * side / max(width, height)), 1) + 1 for side in (width, height))
@@ -153,13 +130,10 @@ def fit_meshes(
     for reach_px in REACHES_PX:
         matches = _gather(frames, ties, bent, reach_px)
         shares = _held_out_shares(matches, shape)
-        gains = shares[1] >= shares[0] + MIN_GAIN
-        if gains:
-            break
-    if len(matches.ground) < MIN_MATCHES or not (always or gains):
-        return {}, shares
-    grids = _fit(matches, shape).reshape(*shape, 2)
-    return {image: Mesh(frames[image].size, grid) for image, grid in zip(bent, grids, strict=True)}, shares
+        if shares[1] >= shares[0] + MIN_GAIN:
+            grids = _fit(matches, shape).reshape(*shape, 2)
+            return {image: Mesh(frames[image].size, grid) for image, grid in zip(bent, grids, strict=True)}, shares
+    return {}, shares
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,13 +28,14 @@ def register_two(
     lens: Lens,
     *,
     given: GivenMatches | None = None,
-    warp: str,
+    bend: bool,
     memory_bytes: int,
     progress: Progress,
 ) -> Flight:
     """Register two photographs, left and right, and keep them decoded for the picture, if ``memory_bytes`` allow it.
 
-    ``warp`` is as in `choose_mesh`; matches that are ``given`` take the place of features.
+    Where the left one is to ``bend`` over relief, it does if held-out matches gain by it; matches that are ``given``
+    take the place of features.
     """
     progress("registering", 0, 0)
     clock = Stopwatch()
@@ -53,20 +54,18 @@ def register_two(
     for source, photograph in zip(sources, (left, right), strict=True):
         decoded_photographs(memory_bytes).keep(source, lens, (photograph.pixels, photograph.visible))
     flight = flight_of_pair(pair, sources, lens)
-    return replace(flight, layouts=tuple(replace(layout, meshes=choose_mesh(pair, warp)) for layout in flight.layouts))
+    if not bend:
+        return flight
+    return replace(flight, layouts=tuple(replace(layout, meshes=choose_mesh(pair)) for layout in flight.layouts))
 
 
-def choose_mesh(pair: Pair, warp: str) -> dict[int, Mesh]:
-    """Fit the mesh that warps the left photograph of a pair, 0, to follow the relief; none where it keeps its shape.
-
-    ``warp`` is "homography", "mesh", or "auto": a mesh, if held-out matches gain by it.
-    """
-    if warp == "homography" or pair.working_homography is None:
-        return {}
+def choose_mesh(pair: Pair) -> dict[int, Mesh]:
+    """Fit the mesh that warps the left photograph of a pair, 0, to follow the relief; none where it keeps its shape."""
+    assert pair.working_homography is not None
     sizes = [(image.shape[1], image.shape[0]) for image in pair.working]
     frames = {0: Frame(sizes[0], pair.working_homography), 1: Frame(sizes[1], np.eye(3))}
     ties = [Ties(0, 1, *match_points(pair.kept))]
-    return fit_meshes(frames, ties, (0,), always=warp == "mesh")[0]
+    return fit_meshes(frames, ties, (0,))[0]
 
 
 def flight_of_pair(pair: Pair, sources: Sequence[Source], lens: Lens) -> Flight:

@@ -22,7 +22,7 @@ from skymosaic.registration.options import PhotographOptions, RegistrationOption
 
 MEGABYTE = 1 << 20
 MEGAPIXEL = 1_000_000
-Warp = Literal["homography", "mesh", "auto"]
+Warp = Literal["auto", "homography"]
 LiveEstimator = Literal["prosac", "fabric"]
 
 
@@ -146,9 +146,7 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
         label="Blending",
     )
     warp: Warp = option(
-        "homography",
-        "A mesh warps photographs over relief, the left one of two; auto: only if held-out matches gain by it.",
-        PICTURE,
+        "auto", "auto bends photographs to follow relief, the left one of two, if held-out matches gain by it.", PICTURE
     )
     all_groups: bool = option(
         False,
@@ -187,8 +185,6 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
         for name in ("positions", "onto"):
             if self.repeat is not None and getattr(self, name) is not None:
                 raise InputError(f"`{name}` and `repeat` both place the photographs; leave one out")
-        if self.lens is not None and self.lens.mask is not None and self.warp != "homography":
-            raise InputError("`warp`: a mask would not be bent with the photograph; leave one out")
         method, _ = self.choose_method()
         if photographs > 2 and not method.on_accelerator:
             raise InputError(

@@ -181,14 +181,12 @@ class MosaicRun:
                 options,
                 options.lens or Lens(),
                 given=options.read_matches(2).get((0, 1)),
-                warp=options.warp,
+                bend=options.warp == "auto",
                 memory_bytes=options.memory_bytes,
                 progress=progress,
             )
         flight = lay_out(self.sources, options, self._workers, self._tell)
-        if options.warp == "mesh" and (flight.lens.mask is not None or self.sources[0].bands):
-            self._tell("note: `warp`: a mask or other bands would not be bent as well, so photographs keep their shape")
-        return follow_relief(flight, options.warp)
+        return follow_relief(flight) if options.warp == "auto" else flight
 
     @property
     def layouts(self) -> tuple[Layout, ...]:

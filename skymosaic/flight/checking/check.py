@@ -12,7 +12,6 @@ from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import MAX_RELIEF, Layout
 from skymosaic.flight.layout.linked_group import groups
 from skymosaic.flight.linking.links import WEAK_TIES, Link
-from skymosaic.flight.picture.relief import gains_by_meshes
 from skymosaic.geometry.ground import MOVES_WITH_CAMERA, STILL
 from skymosaic.geometry.homography import apply
 from skymosaic.imagery.exif import describe_gps_faults
@@ -236,8 +235,7 @@ def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
             "what rises above the ground is displaced or doubled"
         )
     elif (off_px := accuracy.whole.ninety_px) > MAX_NINETY_SHARE * _widest_px(flight, layout):
-        remedy = "; --warp mesh bends photographs to follow relief" * gains_by_meshes(flight, layout)
-        yield f"lines may break at seams: one match in ten is off by more than {off_px:.0f} px{remedy}"
+        yield f"lines may break at seams: one match in ten is off by more than {off_px:.0f} px"
     far_off = [
         f"{names[view]} by {each.median_px:.0f} px"
         for view, each in accuracy.photographs.items()

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from golden_model.arrays import Array
+from golden_model.arrays import Array, Points
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.flight.layout.accuracy import Accuracy, measure_accuracy
 from skymosaic.flight.layout.adjustment import MODELS, WIDEST_SCALE_PX, Network
@@ -16,6 +16,7 @@ from skymosaic.flight.layout.extent import find_misplaced
 from skymosaic.flight.layout.linked_group import LinkedGroup, groups, join, linked_group, separate
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
+from skymosaic.geometry.homography import apply
 
 GOOD_ENOUGH = 1.05
 """A simpler model is taken if its error is at most this many times that of the best model."""
@@ -109,6 +110,13 @@ class Layout:
         """Original pixels of each member to original pixels of the reference, (3, 3) each."""
         frame = views[self.reference].to_original
         return {m: frame @ self.transforms[m] @ np.linalg.inv(views[m].to_original) for m in self.members}
+
+    def bend(self, member: int, view: View, points: Points) -> Points:
+        """Where the photograph of a member, warped by its mesh, shows points (N, 2) of it; original px."""
+        if member not in self.meshes:
+            return points
+        to_working = np.asarray(np.linalg.inv(view.to_original))
+        return apply(view.to_original, self.meshes[member].find(apply(to_working, points)))
 
     @property
     def relief(self) -> float:

@@ -315,16 +315,13 @@ def _locate(
         if len(members) > 1:
             raise InputError(f"{control.name}: {sighting.photograph} is {len(members)} photographs; add their folders")
         for member in members:
-            view, mesh = flight.views[member], layout.meshes.get(member)
+            view = flight.views[member]
             pixel = np.array([[sighting.x_px, sighting.y_px]])
             if as_stored:
                 pixel = apply(turn_matrix(view.size, AXES[view.orientation]), pixel)
             if not control.tried:
                 pixel = flight.lens.turned(view.orientation).straighten_points(pixel, view.size)
-            if mesh is not None:
-                to_working = np.asarray(np.linalg.inv(view.to_original))
-                pixel = apply(view.to_original, mesh.find(apply(to_working, pixel)))
-            yield member, sighting.point, pixel[0]
+            yield member, sighting.point, layout.bend(member, view, pixel)[0]
 
 
 def _check_site(control: ControlPoints, flight: Flight, layout: Layout) -> None:

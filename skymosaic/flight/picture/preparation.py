@@ -147,6 +147,7 @@ def thumbnail_layers(composition: Composition, views: Sequence[View]) -> tuple[l
                 # Thumbnails have the same size, whatever detail their photographs show.
                 favour=placement.favour * view.size[0] / view.thumbnail.shape[1],
                 least_nearness=placement.least_nearness,
+                mesh=placement.mesh,
             )
         )
     return layers, reduction

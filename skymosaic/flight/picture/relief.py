@@ -7,40 +7,31 @@ from typing import Any
 import numpy as np
 
 from golden_model.arrays import Points
-from skymosaic.compositing.mesh import Frame, Mesh, Ties, fit_meshes
+from skymosaic.compositing.mesh import Frame, Ties, fit_meshes
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import transfer_error
 
 
-def follow_relief(flight: Flight, warp: str) -> Flight:
-    """The same flight with a mesh for each photograph; its links and errors are those of warped photographs.
+def follow_relief(flight: Flight) -> Flight:
+    """The same flight, with a mesh for each photograph of the layouts whose held-out matches gain by it.
 
-    A mask would not be bent with the photographs, nor would the other bands of a set: then they keep their shape.
-    ``warp`` is "homography", "mesh", or "auto": in each layout, a mesh if held-out matches gain by it.
+    Links and errors are those of warped photographs. The other bands of a set would not be bent with the first one:
+    such photographs keep their shape.
     """
-    if warp == "homography" or flight.lens.mask is not None or flight.sources[0].bands:
+    if flight.sources[0].bands:
         return flight
     layouts = list[Layout]()
     for layout in flight.layouts:
-        meshes, shares = _fit(flight, layout, always=warp == "mesh")
+        frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
+        meshes, shares = fit_meshes(frames, [_ties(link) for link in layout.links], layout.members)
         layouts.append(replace(layout, bent=shares, meshes=meshes) if meshes else layout)
     moves = {view: mesh.find for layout in layouts for view, mesh in layout.meshes.items()}
     if not moves:
         return flight
     links = tuple(link.move(moves) for link in flight.links)
     return replace(flight, links=links, layouts=tuple(_move_links(layout, moves) for layout in layouts))
-
-
-def gains_by_meshes(flight: Flight, layout: Layout) -> bool:
-    """Whether held-out matches of a layout whose photographs keep their shape would gain by meshes."""
-    return bool(not layout.meshes and _fit(flight, layout, always=False)[0])
-
-
-def _fit(flight: Flight, layout: Layout, *, always: bool) -> tuple[dict[int, Mesh], tuple[float, float]]:
-    frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
-    return fit_meshes(frames, [_ties(link) for link in layout.links], layout.members, always=always)
 
 
 def _ties(link: Link) -> Ties:

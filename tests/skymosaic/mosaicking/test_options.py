@@ -117,8 +117,6 @@ def test_every_option_has_a_docstring_a_name_and_a_valid_default() -> None:
         (3, {"positions": Positions("geo.txt", ())}, ""),
         (2, {"detector": "sift", "backend": "rtl"}, "leave out `backend`"),
         (2, {"effort": "thorough", "estimator": "magsac"}, "oriented ILBP"),
-        (2, {"warp": "mesh", "lens": MASKED}, "`warp`: a mask would not be bent"),
-        (2, {"warp": "mesh", "lens": Lens()}, ""),
         (2, {"warp": "homography", "lens": MASKED}, ""),
         (2, {"canvas_limit_px": 0}, "it must be at least 1"),
         (2, {"memory_bytes": (64 << 20) - 1}, "it must be at least"),

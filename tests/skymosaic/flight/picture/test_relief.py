@@ -1,6 +1,5 @@
 """Meshes for the photographs of a flight over relief."""
 
-import dataclasses
 import json
 import re
 from pathlib import Path
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 
 from sim.scene import make_lawnmower
-from skymosaic.common.errors import InputError
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
@@ -35,12 +33,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def flight(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    with open_run([folder], MosaicOptions(cache=tmp_path_factory.mktemp("cache"))) as run:
+    with open_run([folder], MosaicOptions(warp="homography", cache=tmp_path_factory.mktemp("cache"))) as run:
         return run.flight
 
 
 def test_meshes_halve_the_errors_also_off_the_plane(flight: Flight) -> None:
-    bent = follow_relief(flight, "auto")
+    bent = follow_relief(flight)
     before, after = flight.layouts[0], bent.layouts[0]
     assert after.bent is not None
     assert after.bent[1] > after.bent[0] + 0.05
@@ -61,17 +59,31 @@ def test_meshes_halve_the_errors_also_off_the_plane(flight: Flight) -> None:
     assert off_plane_px(after) < off_plane_px(before) / 4
 
 
-def test_a_mask_keeps_photographs_in_shape(flight: Flight, folder: Path) -> None:
+def test_what_a_mask_hides_stays_hidden_in_bent_photographs(folder: Path) -> None:
+    hidden = np.s_[60:120, 200:280]
     mask = np.full(SIZE_PX[::-1], 255, np.uint8)
-    masked = dataclasses.replace(flight, settings=dataclasses.replace(flight.settings, lens=Lens(mask=mask)))
-    assert follow_relief(masked, "mesh") is masked
-    assert follow_relief(flight, "homography") is flight
-    with pytest.raises(InputError, match="a mask would not be bent"):
-        mosaic([folder], warp="mesh", lens=Lens(mask=mask))
+    mask[hidden] = 0
+    photographs = [np.asarray(cv2.imread(str(path)), np.uint8) for path in sorted(folder.iterdir())]
+    for photograph in photographs:
+        photograph[hidden] = 255, 0, 255
+    made = mosaic(photographs, lens=Lens(mask=mask))
+    assert made.layout.meshes
+    assert np.abs(made.layout.meshes[1].nodes_px).max() > 1
+    blue, green, red = made.image.astype(int).transpose(2, 0, 1)
+    assert np.count_nonzero(np.minimum(blue, red) - green > 100) == 0
+
+
+def test_the_left_of_two_photographs_bends(folder: Path) -> None:
+    two = sorted(folder.iterdir())[2:]
+    made, plain = mosaic(two), mosaic(two, warp="homography")
+    assert set(made.layout.meshes) == {0}
+    assert made.image.shape == plain.image.shape
+    assert np.abs(made.image.astype(int) - plain.image).mean() > 1
+    assert np.array_equal(mosaic(two, repeat=made).image, made.image)
 
 
 def test_the_report_has_the_meshes_and_what_they_gained(flight: Flight) -> None:
-    bent = follow_relief(flight, "auto")
+    bent = follow_relief(flight)
     layout = bent.layouts[0]
     gain = r"a mesh warps each photograph over relief: 9\d% of the held-out matches lie within 2 px, 8\d% without"
     assert re.fullmatch(gain, describe_bending(layout))
@@ -86,7 +98,7 @@ def test_the_report_has_the_meshes_and_what_they_gained(flight: Flight) -> None:
 
 
 def test_a_control_point_is_sought_where_the_mesh_shows_it(flight: Flight) -> None:
-    bent = follow_relief(flight, "auto")
+    bent = follow_relief(flight)
     control = ControlPoints("gcp", "", np.zeros((1, 2)), ("1",), (Sighting(0, "2.png", 200.0, 150.0),))
     (_, _, plain), (view, _, moved) = (next(sightings_of(control, each, each.layouts[0])) for each in (flight, bent))
     assert plain == pytest.approx([200, 150])
