@@ -24,6 +24,7 @@ from rich.progress import track
 
 from bench.methods import match_words, sift_words
 from bench.report import Flights, JsonFile, Row, in_process, public_folder, report
+from bench.seams import measure_steps
 from golden_model.arrays import Array, Intensities, Matrix, Pixels, Points
 from golden_model.pixel.gray import to_gray
 from sim.scene import Flight as RenderedFlight
@@ -74,14 +75,18 @@ def errors(
     """Errors as the report says them, and as independent ties show them, px at 1600 px wide.
 
     Of a rendered flight also those of the true poses: across the baseline, that is what the ties themselves are off.
+    Steps at seams are px of the mosaic, median and 90th percentile.
     """
     rows = []
     for name in flights:
         with photographs_of(name) as (folder, truth):
             with open_run([folder], MosaicOptions(warp=warp)) as run:
                 flight, layout = run.flight, run.layouts[0]
+                composition = run.composition(layout)
+                shown = np.concatenate([each for _, each in run.bands(composition)])
+                steps = "{:.1f} {:.1f}".format(*np.percentile(measure_steps(composition, shown), (50, 90)))
             meshes, pairs = ", with meshes" if layout.bent else "", find_ties(flight, layout)
-            rows.append(error_row(folder.name + meshes, flight, layout, pairs))
+            rows.append(error_row(folder.name + meshes, flight, layout, pairs) | {"steps at seams": steps})
         if truth is not None and not layout.bent:
             true = {m: np.linalg.inv(truth.homographies[m]) @ flight.views[m].to_original for m in layout.members}
             rows.append(error_row(f"{folder.name}, true poses", flight, replace(layout, transforms=true), pairs))

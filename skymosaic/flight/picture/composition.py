@@ -171,19 +171,21 @@ class Composition:
         """Render one tile: its pixels, 0 where no photograph shows, and which one does."""
         if not self.placements:
             return self.empty(tile.width_px, tile.height_px), np.zeros((tile.height_px, tile.width_px), np.uint16)
-        layers = []
-        for each in self.placements:
-            pixels, own = decoded_photographs(memory_bytes).pixels(each.source, self.lens, self.values)
-            image, transform = shrink(pixels, each.transform)
-            if self.coloured and image.ndim == 2:
-                image = np.dstack([image] * 3)
-            visible = self.lens.turned(each.orientation).visible_mask((image.shape[1], image.shape[0]), own)
-            shown = each.tone, visible, each.favour, each.seam, each.least_nearness, each.mesh
-            layers.append(Layer(image, transform, *shown))
+        layers = [self.layer(each, memory_bytes) for each in self.placements]
         pixels, owner = blend_layers(layers, tile, method=self.blending)
         # The last one stands for none.
         numbers = np.array([*(1 + each.source.index for each in self.placements), 0], np.uint16)
         return pixels, numbers[owner]
+
+    def layer(self, placement: Placement, memory_bytes: int) -> Layer:
+        """A placement with its photograph, decoded, and no larger than the mosaic needs it."""
+        pixels, own = decoded_photographs(memory_bytes).pixels(placement.source, self.lens, self.values)
+        image, transform = shrink(pixels, placement.transform)
+        if self.coloured and image.ndim == 2:
+            image = np.dstack([image] * 3)
+        visible = self.lens.turned(placement.orientation).visible_mask((image.shape[1], image.shape[0]), own)
+        shown = placement.tone, visible, placement.favour, placement.seam, placement.least_nearness, placement.mesh
+        return Layer(image, transform, *shown)
 
     def in_8_bit(self, pixels: Intensities) -> Pixels:
         """Reduce pixels of the mosaic to 8 bits."""
