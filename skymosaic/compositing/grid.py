@@ -3,6 +3,7 @@
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg
 
@@ -14,8 +15,8 @@ MAX_STEPS, TOLERANCE = 200, 1e-3
 """Steps of conjugate gradients, and the residual at which they end, as a share of the target."""
 
 
-def interpolation(places: Points | Float32, shape: tuple[int, int]) -> sparse.csr_array:
-    """Bilinear weights (N, rows * columns) of the nodes at places of an image.
+def nodes_around(places: Points | Float32, shape: tuple[int, int]) -> tuple[NDArray[np.int32], Array | Float32]:
+    """The four nodes around each place of an image, row by row, and their bilinear weights, (N, 4) each.
 
     Parameters
     ----------
@@ -29,9 +30,14 @@ def interpolation(places: Points | Float32, shape: tuple[int, int]) -> sparse.cs
     first = np.minimum(position.astype(np.int32), np.array([columns - 2, rows - 2], np.int32))
     across, down = (position - first.astype(places.dtype)).T
     nodes = (columns * first[:, 1] + first[:, 0])[:, None] + np.array([0, 1, columns, columns + 1], np.int32)
-    weights = np.column_stack(((1 - across) * (1 - down), across * (1 - down), (1 - across) * down, across * down))
+    return nodes, np.stack(((1 - across) * (1 - down), across * (1 - down), (1 - across) * down, across * down), axis=1)
+
+
+def interpolation(places: Points | Float32, shape: tuple[int, int]) -> sparse.csr_array:
+    """Weights (N, rows * columns) of all nodes at places of an image; see `nodes_around`."""
+    nodes, weights = nodes_around(places, shape)
     starts = np.arange(0, 4 * len(places) + 1, 4, dtype=np.int32)
-    return sparse.csr_array((weights.ravel(), nodes.ravel(), starts), shape=(len(places), rows * columns))
+    return sparse.csr_array((weights.ravel(), nodes.ravel(), starts), shape=(len(places), shape[0] * shape[1]))
 
 
 def roughness(shape: tuple[int, int]) -> Array:

@@ -101,8 +101,13 @@ class Link:
 
     def move(self, moves: Mapping[int, Callable[[Points], Points]]) -> Link:
         """The same link with the points of some views moved."""
-        view_of = {name: self.left if name.startswith("left") else self.right for name in _POINTS}
-        moved: dict[str, Any] = {name: moves[v](getattr(self, name)) for name, v in view_of.items() if v in moves}
+        moved: dict[str, Any] = {}
+        for view, names in ((self.left, _POINTS[::2]), (self.right, _POINTS[1::2])):
+            if view in moves:
+                points = [getattr(self, name) for name in names]
+                ends = np.cumsum([len(each) for each in points])[:-1]
+                # At once, because each call has a fixed cost.
+                moved |= dict(zip(names, np.split(moves[view](np.concatenate(points)), ends), strict=True))
         return replace(self, **moved)
 
 

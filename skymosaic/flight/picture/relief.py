@@ -1,17 +1,19 @@
 """Warps the photographs of a flight over relief, where matches that had no part in it agree better then."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from golden_model.arrays import Points
-from skymosaic.compositing.mesh import Frame, Ties, fit_meshes
+from skymosaic.compositing.mesh import Frame, Mesh, Ties, fit_meshes
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import transfer_error
+
+TOGETHER = 100
+"""Photographs whose meshes are fitted at once, which takes up to 3.5 MB for each."""
 
 
 def follow_relief(flight: Flight) -> Flight:
@@ -24,14 +26,32 @@ def follow_relief(flight: Flight) -> Flight:
         return flight
     layouts = list[Layout]()
     for layout in flight.layouts:
-        frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
-        meshes, shares = fit_meshes(frames, [_ties(link) for link in layout.links], layout.members)
+        meshes, shares = _fit(flight, layout)
         layouts.append(replace(layout, bent=shares, meshes=meshes) if meshes else layout)
     moves = {view: mesh.find for layout in layouts for view, mesh in layout.meshes.items()}
     if not moves:
         return flight
-    links = tuple(link.move(moves) for link in flight.links)
-    return replace(flight, links=links, layouts=tuple(_move_links(layout, moves) for layout in layouts))
+    links = {link: link.move(moves) for link in flight.links}
+    return replace(flight, links=tuple(links.values()), layouts=tuple(_move_links(each, links) for each in layouts))
+
+
+def _fit(flight: Flight, layout: Layout) -> tuple[dict[int, Mesh], tuple[float, float]]:
+    """The meshes of a layout, and the shares of held-out matches without and with them.
+
+    So many photographs at a time; they meet those before them where their meshes have put these.
+    """
+    frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
+    meshes, shares = dict[int, Mesh](), list[tuple[float, float]]()
+    for first in range(0, len(layout.members), TOGETHER):
+        bent = layout.members[first : first + TOGETHER]
+        moves = {view: mesh.find for view, mesh in meshes.items()}
+        # Members rise, and the right view of a link is the later one.
+        links = [link.move(moves) for link in layout.links if bent[0] <= link.right <= bent[-1]]
+        fitted, (plain, warped) = fit_meshes(frames, [_ties(link) for link in links], bent)
+        meshes |= fitted
+        shares.append((plain, warped if fitted else plain))
+    plain, warped = np.mean(shares, axis=0).tolist()
+    return meshes, (plain, warped)
 
 
 def _ties(link: Link) -> Ties:
@@ -39,8 +59,8 @@ def _ties(link: Link) -> Ties:
     return Ties(link.left, link.right, np.concatenate(left), np.concatenate(right))
 
 
-def _move_links(layout: Layout, moves: Mapping[int, Callable[[Points], Points]]) -> Layout:
-    links, contradicting = (tuple(link.move(moves) for link in each) for each in (layout.links, layout.contradicting))
+def _move_links(layout: Layout, moved: Mapping[Link, Link]) -> Layout:
+    links, contradicting = (tuple(moved[link] for link in each) for each in (layout.links, layout.contradicting))
     errors_px = []
     for link in links:
         to_right = np.linalg.inv(layout.transforms[link.right]) @ layout.transforms[link.left]

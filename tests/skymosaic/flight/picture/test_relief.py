@@ -13,6 +13,7 @@ from skymosaic.compositing.mesh import Mesh
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import sightings_of
+from skymosaic.flight.picture import relief
 from skymosaic.flight.picture.relief import bending_numbers, describe_bending, follow_relief
 from skymosaic.geometry.homography import transfer_error
 from skymosaic.imagery.lens import Lens
@@ -57,6 +58,17 @@ def test_meshes_halve_the_errors_also_off_the_plane(flight: Flight) -> None:
 
     assert off_plane_px(before) > 3
     assert off_plane_px(after) < off_plane_px(before) / 4
+
+
+def test_photographs_bend_towards_those_before_them(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(relief, "TOGETHER", 3)
+    before, after = flight.layouts[0], follow_relief(flight).layouts[0]
+    assert set(after.meshes) == set(before.members)
+    assert len(before.members) == 4
+    last = {link.right: errors_px for link, errors_px in zip(after.links, after.errors_px, strict=True)}[3]
+    assert np.median(last) < 0.5
+    assert after.bent is not None
+    assert after.bent[1] > after.bent[0] + 0.05
 
 
 def test_what_a_mask_hides_stays_hidden_in_bent_photographs(folder: Path) -> None:
