@@ -30,7 +30,7 @@ from golden_model.pixel.gray import to_gray
 from sim.scene import Flight as RenderedFlight
 from sim.scene import make_lawnmower
 from sim.scene.terrain import TERRAINS
-from skymosaic.compositing.warp import magnification
+from skymosaic.compositing.warp import Canvas, magnification
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.extent import outline, overlap
 from skymosaic.flight.layout.layout import Layout
@@ -89,7 +89,8 @@ def errors(
             rows.append(error_row(folder.name + meshes, flight, layout, pairs) | {"steps at seams": steps})
         if truth is not None and not layout.bent:
             true = {m: np.linalg.inv(truth.homographies[m]) @ flight.views[m].to_original for m in layout.members}
-            rows.append(error_row(f"{folder.name}, true poses", flight, replace(layout, transforms=true), pairs))
+            row = error_row(f"{folder.name}, true poses", flight, replace(layout, transforms=true), pairs)
+            rows.append(row | {"steps at seams": ""})
     report("errors by independent ties", rows, json_file, keep_others=True)
 
 
@@ -227,6 +228,9 @@ def quality_row(folder: Path) -> Row:
     for placement, transform in zip(composition.placements, composition.transforms, strict=True):
         # Of 16 bits, too, as they are: the program's own pictures for the front end have another contrast.
         photograph = flight.lens.straighten(np.asarray(cv2.imread(placement.source.name), np.uint8))
+        if placement.mesh is not None:
+            places = placement.mesh.places(placement.size, np.eye(3), Canvas(0, 0, *placement.size))
+            photograph = cv2.remap(photograph, places, None, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
         if row := measure_photograph(shown, np.asarray(photograph, np.uint8), transform):
             measures.append(row)
     kept, burnt, misfit, ncc, sharp = np.array(measures).T
