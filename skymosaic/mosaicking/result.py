@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.arrays import Intensities, Matrix
+from golden_model.arrays import Intensities, Matrix, Points
 from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table, tabulate
 from skymosaic.flight.checking.check import PhotographCheck, check_flight
@@ -51,10 +51,21 @@ class Mosaic:
         """For each photograph in the mosaic, (3, 3), its original pixels to canvas pixels.
 
         For a photograph taken with a known camera, its pixels without the lens's distortion; for one that a mesh warps
-        over relief (``layout.meshes``), its pixels after that.
+        over relief (``layout.meshes``), its pixels after that. `locate` takes all three steps.
         """
         indices = [placement.source.index for placement in self.composition.placements]
         return dict(zip(indices, self.composition.transforms, strict=True))
+
+    def locate(self, photograph: int, points: Points) -> Points:
+        """Find where the mosaic shows points (N, 2) of a placed photograph, by its index; px of either picture.
+
+        The points are pixels of the photograph as it is given, turned upright.
+        """
+        flight = self.flight
+        member = next(m for m in self.layout.members if flight.sources[m].index == photograph)
+        view = flight.views[member]
+        straight = flight.lens.turned(view.orientation).straighten_points(np.asarray(points, np.float64), view.size)
+        return apply(self.transforms[photograph], self.layout.bend(member, view, straight))
 
     @property
     def placed(self) -> tuple[int, ...]:
