@@ -10,10 +10,18 @@ from itertools import groupby
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels
+from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels, Points
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import Canvas, footprint, nearest_corner, source_window, warp_backward, warp_tile
+from skymosaic.compositing.warp import (
+    CELL_PX,
+    Canvas,
+    footprint,
+    nearest_corner,
+    source_window,
+    warp_backward,
+    warp_tile,
+)
 from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.imagery.depth import measure_clipped
 from skymosaic.imagery.parcel import Parcel
@@ -197,17 +205,19 @@ class Layer:
 
         Ground seen at a slant has many along the horizon and few towards it, so an area would praise it.
         """
-        remoteness = np.maximum(self._remoteness(part), MIN_WEIGHT)
-        third = remoteness / nearest_corner(self.size, self.transform)
-        area = 1 / np.abs(float(np.linalg.det(self.transform)) * third**3)
-        x, y = np.meshgrid(np.arange(part.width_px) + part.x_px, np.arange(part.height_px) + part.y_px)
-        inverse = np.linalg.inv(self.transform)
-        rows = [(row, (row[0] * x + row[1] * y + row[2]) / third) for row in inverse[:2]]
-        # The larger singular value of the derivative, by those of its product with its transpose.
-        along = [[(row[k] - place * inverse[2, k]) / third for row, place in rows] for k in (0, 1)]
-        xx, xy, yy = (sum(a * b for a, b in zip(along[k], along[m], strict=True)) for k, m in ((0, 0), (0, 1), (1, 1)))
-        most = np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
-        return np.asarray(area / most, dtype=np.float32)
+        nearest, inverse = nearest_corner(self.size, self.transform), np.linalg.inv(self.transform)
+
+        def compute(points: Points) -> Array:
+            placed = points @ inverse[:, :2].T + inverse[:, 2]
+            third = np.maximum(placed[:, 2] * nearest, MIN_WEIGHT) / nearest
+            area = 1 / np.abs(float(np.linalg.det(self.transform)) * third**3)
+            slope = placed[:, :2, None] * inverse[2, :2] / third[:, None, None]
+            along = (inverse[:2, :2] - slope) / third[:, None, None]
+            # The larger singular value of the derivative, by those of its product with its transpose.
+            (xx, xy), (_, yy) = np.moveaxis(along.swapaxes(1, 2) @ along, 0, -1)
+            return np.asarray(area / np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)))
+
+        return part.interpolate(CELL_PX, compute)[..., 0]
 
     def _remoteness(self, part: Canvas) -> Array:
         """The reciprocal of `skymosaic.compositing.warp.nearness` at pixels of the reference frame."""

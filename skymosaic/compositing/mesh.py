@@ -14,14 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from golden_model.arrays import Array, Float32, Mask, Matrix, Points
 from skymosaic.compositing.grid import interpolation, nodes_around, roughness, solve
-from skymosaic.compositing.warp import Canvas, magnification, source_window
+from skymosaic.compositing.warp import CELL_PX, Canvas, magnification, source_window
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
 
@@ -43,8 +42,6 @@ CHECK_CELLS = 10
 """Held-out matches lie in alternate fields of a chessboard on the ground, with so many along a side of an image."""
 MIN_GAIN = 0.03
 """Rise of the share of held-out matches within 2 px from which warping photographs is worthwhile."""
-PLACED_PX = 8
-"""Side of the cells of the reference frame in whose middles positions are computed."""
 FINDING_STEPS = 3
 """A displacement changes by at most a tenth of itself over its own length, so each step leaves a tenth of the error."""
 
@@ -97,16 +94,13 @@ class Mesh:
         The image may have any ``size``, over which the grid is stretched. ``transform`` is from pixels of the warped
         image to reference pixels. Interpolated there, the image is warped and transformed at once.
         """
-        # Both change slowly, so they are computed in the middles of cells of the reference frame, the same ones for
-        # every part, and interpolated.
-        around = part.grown(PLACED_PX // 2).aligned(PLACED_PX)
-        columns, rows = around.width_px // PLACED_PX, around.height_px // PLACED_PX
-        x, y = np.arange(columns) + around.x_px // PLACED_PX, np.arange(rows) + around.y_px // PLACED_PX
-        middles = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) * PLACED_PX + (PLACED_PX - 1) / 2
-        points, stretched = apply(np.asarray(np.linalg.inv(transform)), middles), np.array(size) / self.size
-        places = (points + stretched * self.displacement(points / stretched)).reshape(rows, columns, 2)
-        enlarged = cv2.resize(places.astype(np.float32), (around.width_px, around.height_px))
-        return np.asarray(enlarged[part.within(around)])
+        inverse, stretched = np.asarray(np.linalg.inv(transform)), np.array(size) / self.size
+
+        def compute(points: Points) -> Array:
+            points = apply(inverse, points)
+            return points + stretched * self.displacement(points / stretched)
+
+        return part.interpolate(CELL_PX, compute)
 
     def window(self, size: tuple[int, int], transform: Array, part: Canvas) -> Canvas:
         """The rectangle of image pixels that `places` needs, as `source_window`."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from golden_model.arrays import Array, Float32, Intensities
+from golden_model.arrays import Array, Float32, Intensities, Points
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
 
@@ -78,27 +78,22 @@ class Tone:
 
         ``to_image`` (3, 3) takes reference pixels to the photograph's; None: the identity.
         """
-        # Nodes lie in the middle of cells of the reference frame, so parts that overlap agree.
-        cells = part.grown(FIELD_STEP_PX).aligned(FIELD_STEP_PX)
-        x, y = (
-            first + FIELD_STEP_PX * np.arange(side // FIELD_STEP_PX) + (FIELD_STEP_PX - 1) / 2
-            for first, side in ((cells.x_px, cells.width_px), (cells.y_px, cells.height_px))
-        )
-        points = np.stack(np.meshgrid(x, y), axis=-1)
-        if to_image is not None:
-            # Far outside, and towards a horizon, the shading's powers have no bounds.
-            points = np.clip(np.nan_to_num(apply(to_image, points)), -np.array(size), 2 * np.array(size))
-        logs = np.broadcast_to(np.log(self.gain), (*points.shape[:2], len(self.gain)))
-        if self.shading is not None:
-            logs = logs + shading_terms(points, size) @ self.shading
-        if self.light is not None:
-            nodes = np.array(self.light.shape[1::-1]) - 1
-            places = (np.clip(points / (np.array(size) - 1), 0, 1) * nodes).astype(np.float32)
-            light = cv2.remap(self.light, places[..., 0], places[..., 1], cv2.INTER_LINEAR)
-            logs = logs + light.reshape(len(y), len(x), -1)
-        size = (cells.width_px, cells.height_px)
-        enlarged = cv2.resize(np.exp(logs).astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
-        return np.asarray(enlarged.reshape(*size[::-1], -1)[part.within(cells)], dtype=np.float32)
+
+        def compute(points: Points) -> Array:
+            if to_image is not None:
+                # Far outside, and towards a horizon, the shading's powers have no bounds.
+                points = np.clip(np.nan_to_num(apply(to_image, points)), -np.array(size), 2 * np.array(size))
+            logs = np.broadcast_to(np.log(self.gain), (len(points), len(self.gain)))
+            if self.shading is not None:
+                logs = logs + shading_terms(points, size) @ self.shading
+            if self.light is not None:
+                nodes = np.array(self.light.shape[1::-1]) - 1
+                places = (np.clip(points / (np.array(size) - 1), 0, 1) * nodes).astype(np.float32)
+                light = cv2.remap(self.light, places[:, 0], places[:, 1], cv2.INTER_LINEAR)
+                logs = logs + light.reshape(len(points), -1)
+            return np.asarray(np.exp(logs))
+
+        return part.interpolate(FIELD_STEP_PX, compute)
 
 
 NEUTRAL = Tone()

@@ -7,14 +7,14 @@ Every image has a homography from its pixels to those of the reference frame, th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from golden_model.arrays import Array, Intensities, Mask, Pixels
+from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels, Points
 from skymosaic.geometry.homography import apply, rescale, resize_matrix
 from skymosaic.geometry.horizon import ahead, clip_polygon
 
@@ -24,6 +24,8 @@ FAR_AWAY_PX = 1e12
 """No mosaic is so large; a corner that lies farther away is one at the horizon."""
 TILE_PX = 1024
 """Side of the tiles that are warped at once. They fit the processor's cache and OpenCV's size limit of 32767 px."""
+CELL_PX = 8
+"""Side of the cells in whose middles is computed what hardly bends within one, see `Canvas.interpolate`."""
 ROUNDING_PX = 1e-6
 """A corner this close to a pixel counts as on it, because products of transformations have rounding errors."""
 SUPPORT_PX = 5
@@ -87,6 +89,19 @@ class Canvas:
         """The rows and columns of this rectangle in an array of ``other``, which must contain it."""
         x, y = self.x_px - other.x_px, self.y_px - other.y_px
         return slice(y, y + self.height_px), slice(x, x + self.width_px)
+
+    def interpolate(self, cell_px: int, compute: Callable[[Points], Array]) -> Float32:
+        """Values of pixels, (height, width, C), that change slowly; ``compute`` has those of points (N, 2), (N, C).
+
+        They are computed in the middles of cells of the reference frame, the same ones for all rectangles, and are
+        bilinear in between.
+        """
+        around = self.grown(cell_px // 2).aligned(cell_px)
+        sides = ((around.x_px, around.width_px), (around.y_px, around.height_px))
+        x, y = (first + np.arange(0, side, cell_px) + (cell_px - 1) / 2 for first, side in sides)
+        values = compute(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)).reshape(len(y), len(x), -1)
+        enlarged = cv2.resize(values.astype(np.float32), (around.width_px, around.height_px))
+        return np.asarray(enlarged.reshape(*enlarged.shape[:2], -1)[self.within(around)], dtype=np.float32)
 
     def tiles(self, side_px: int = TILE_PX) -> Iterator[Canvas]:
         """Cut the rectangle into tiles of at most ``side_px`` x ``side_px`` pixels, row by row."""
