@@ -167,8 +167,6 @@ def _show(written: _Written, output: Path) -> None:
     if flight.pair is not None:
         session.numbers["pair"] = flight.pair.summary()
         print_pair(flight.pair)
-        if any(layout.meshes for layout in flight.layouts):
-            session.show("warp: a mesh warps the left photograph to follow the relief")
     if moves := describe_moving(flight):
         session.warn(moves)
     for delivery in deliveries:

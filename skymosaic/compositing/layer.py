@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
+from typing import Any
 
 import cv2
 import numpy as np
@@ -135,8 +136,19 @@ class Layer:
     def _warp(self, part: Canvas, interpolation: int, places: Float32 | None) -> Intensities:
         if places is None:
             return warp_backward(self.image, self.transform, part, border=BEYOND, interpolation=interpolation)
-        warped = cv2.remap(self.image, places, None, interpolation, borderMode=BEYOND)
+        whole = Canvas(0, 0, *self.size)
+        warped = self._bend(lambda source: self.image[source.within(whole)], part, places, interpolation)
         return np.asarray(warped, dtype=self.image.dtype)
+
+    def _bend(
+        self, cut: Callable[[Canvas], Any], part: Canvas, places: Float32, interpolation: int, border: int = BEYOND
+    ) -> Any:
+        """Warp what ``cut`` has in the window of the image that a part needs, at its ``places``."""
+        assert self.mesh is not None
+        # OpenCV takes no images wider than 32767 px.
+        source = self.mesh.window(self.size, self.transform, part)
+        inside = cv2.subtract(places, (source.x_px, source.y_px, 0, 0))
+        return cv2.remap(cut(source), inside, None, interpolation, borderMode=border)
 
     def _toned(self, part: Canvas, warped: Intensities) -> Intensities:
         if not self.tone.varies:
@@ -167,12 +179,10 @@ class Layer:
     def _warp_window(self, cut: Callable[[Canvas], Pixels | Float32], part: Canvas) -> Pixels | Float32:
         """Warp what ``cut`` has in the window of the image that a part needs; 0 outside the image."""
         places = self._places(part)
-        if self.mesh is None or places is None:
+        if places is None:
             source = source_window(self.size, self.transform, part)
             return warp_tile(cut(source), self.transform, source, part, border=cv2.BORDER_CONSTANT)
-        source = self.mesh.window(self.size, self.transform, part)
-        places = cv2.subtract(places, (source.x_px, source.y_px, 0, 0), dst=places)
-        return np.asarray(cv2.remap(cut(source), places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+        return np.asarray(self._bend(cut, part, places, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT))
 
     def _visible_part(self, source: Canvas) -> Pixels:
         if self.visible is None:

@@ -20,7 +20,7 @@ from scipy import sparse
 
 from golden_model.arrays import Array, Float32, Mask, Matrix, Points
 from skymosaic.compositing.grid import interpolation, nodes_around, roughness, solve
-from skymosaic.compositing.warp import CELL_PX, Canvas, magnification, source_window
+from skymosaic.compositing.warp import CELL_PX, Canvas, magnification, nearest_corner, source_window
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
 
@@ -38,6 +38,7 @@ RETURN = 0.01
 ROBUST_PX = (6.0, 3.0, 2.0)
 """Scales of the reweighting; a residual of 0.64 scales has half of the weight."""
 MIN_MATCHES = 30
+NOWHERE_PX = -1e6
 CHECK_CELLS = 10
 """Held-out matches lie in alternate fields of a chessboard on the ground, with so many along a side of an image."""
 MIN_GAIN = 0.03
@@ -57,6 +58,14 @@ class Frame(NamedTuple):
     to_ground: Matrix
 
 
+class Judged(NamedTuple):
+    """How many held-out matches lie within 12 px of the homographies, and within 2 px: without grids, and with them."""
+
+    matches: int
+    plain: int
+    warped: int
+
+
 class Ties(NamedTuple):
     """Two images, by their numbers, and matches between them, (N, 2) each; px, and wrong ones included, for meshes."""
 
@@ -64,6 +73,9 @@ class Ties(NamedTuple):
     right: int
     left_points: Points
     right_points: Points
+
+
+UNKNOWN = Judged(0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +107,14 @@ class Mesh:
         image to reference pixels. Interpolated there, the image is warped and transformed at once.
         """
         inverse, stretched = np.asarray(np.linalg.inv(transform)), np.array(size) / self.size
+        nearest = nearest_corner(size, transform)
 
         def compute(points: Points) -> Array:
-            points = apply(inverse, points)
-            return points + stretched * self.displacement(points / stretched)
+            shown = apply(inverse, points)
+            places = shown + stretched * self.displacement(shown / stretched)
+            # Beyond the horizon nothing is shown; between both sides of it, places would run through the image.
+            places[(points @ inverse[2, :2] + inverse[2, 2]) * nearest <= 0] = NOWHERE_PX
+            return places
 
         return part.interpolate(CELL_PX, compute)
 
@@ -112,24 +128,23 @@ class Mesh:
 
 def fit_meshes(
     frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[int]
-) -> tuple[dict[int, Mesh], tuple[float, float]]:
+) -> tuple[dict[int, Mesh], Judged]:
     """Fit the grids that bring some of the images, ``bent``, closer to the others under their homographies.
 
-    There are none where held-out matches do not gain by them. Returns also which share of the held-out matches within
-    12 px lies within 2 px: under homographies alone, and with grids.
+    There are none where held-out matches do not gain by them, or are too few to tell.
     """
     if not ties:
-        return {}, (0.0, 0.0)
+        return {}, UNKNOWN
     width, height = frames[bent[0]].size
     columns, rows = (max(round(CELLS * side / max(width, height)), 1) + 1 for side in (width, height))
     shape = len(bent), rows, columns
     for reach_px in REACHES_PX:
         matches = _gather(frames, ties, bent, reach_px)
-        shares = _held_out_shares(matches, shape)
-        if shares[1] >= shares[0] + MIN_GAIN:
+        judged = _judge(matches, shape)
+        if judged.warped >= judged.plain + MIN_GAIN * judged.matches > 0:
             grids = _fit(matches, shape).reshape(*shape, 2)
-            return {image: Mesh(frames[image].size, grid) for image, grid in zip(bent, grids, strict=True)}, shares
-    return {}, shares
+            return {image: Mesh(frames[image].size, grid) for image, grid in zip(bent, grids, strict=True)}, judged
+    return {}, judged
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,23 +212,23 @@ def _gather(frames: Mapping[int, Frame], ties: Sequence[Ties], bent: Sequence[in
     return matches.of(matches.off_px <= reach_px)
 
 
-def _held_out_shares(matches: _Matches, shape: Shape) -> tuple[float, float]:
-    """See `fit_meshes`; the grids are fitted twice, each time without half of the fields of a chessboard on the ground.
+def _judge(matches: _Matches, shape: Shape) -> Judged:
+    """See `Judged`; the grids are fitted twice, each time without half of the fields of a chessboard on the ground.
 
     Whole fields are held out, because neighbouring matches deviate alike and would confirm each other.
     """
     field = np.floor(matches.ground).astype(np.int64).sum(axis=1) % 2 == 0
     judged = matches.off_px <= JUDGED_PX
     if min(np.count_nonzero(field), np.count_nonzero(~field)) < MIN_MATCHES or not judged.any():
-        return 0.0, 0.0
-    plain = float(np.mean(matches.off_px[judged] <= INLIER_PX))
+        return UNKNOWN
+    count, plain = int(np.count_nonzero(judged)), int(np.count_nonzero(matches.off_px[judged] <= INLIER_PX))
     # On flat ground, which most surveys show, there is nothing to gain.
-    if plain + MIN_GAIN > 1:
-        return plain, plain
+    if plain + MIN_GAIN * count > count:
+        return Judged(count, plain, plain)
     errors_px = np.empty(len(field))
     for held_out in (field, ~field):
         errors_px[held_out] = matches.of(held_out).errors_px(_fit(matches.of(~held_out), shape), shape)
-    return plain, float(np.mean(errors_px[judged] <= INLIER_PX))
+    return Judged(count, plain, int(np.count_nonzero(errors_px[judged] <= INLIER_PX)))
 
 
 def _fit(matches: _Matches, shape: Shape) -> Array:

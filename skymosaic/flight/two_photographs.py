@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from skymosaic.common.stopwatch import Stopwatch
-from skymosaic.compositing.mesh import Frame, Mesh, Ties, fit_meshes
+from skymosaic.compositing.mesh import Frame, Judged, Mesh, Ties, fit_meshes
 from skymosaic.features.given_matches import GivenMatches
 from skymosaic.features.positions import match_points
 from skymosaic.flight.flight import Flight
@@ -56,16 +56,16 @@ def register_two(
     flight = flight_of_pair(pair, sources, lens)
     if not bend:
         return flight
-    return replace(flight, layouts=tuple(replace(layout, meshes=choose_mesh(pair)) for layout in flight.layouts))
+    return replace(flight, layouts=tuple(layout.with_meshes(*fit_mesh(pair)) for layout in flight.layouts))
 
 
-def choose_mesh(pair: Pair) -> dict[int, Mesh]:
-    """Fit the mesh that warps the left photograph of a pair, 0, to follow the relief; none where it keeps its shape."""
+def fit_mesh(pair: Pair) -> tuple[dict[int, Mesh], Judged]:
+    """As `fit_meshes`, for the left photograph of a pair, 0."""
     assert pair.working_homography is not None
     sizes = [(image.shape[1], image.shape[0]) for image in pair.working]
     frames = {0: Frame(sizes[0], pair.working_homography), 1: Frame(sizes[1], np.eye(3))}
     ties = [Ties(0, 1, *match_points(pair.kept))]
-    return fit_meshes(frames, ties, (0,))[0]
+    return fit_meshes(frames, ties, (0,))
 
 
 def flight_of_pair(pair: Pair, sources: Sequence[Source], lens: Lens) -> Flight:

@@ -194,6 +194,8 @@ class MosaicOptions(CanvasOptions, SurveyOptions, RegistrationOptions):
         if photographs == 2:
             # Only two photographs have passes; `choose_effort` refuses those that the method does not allow.
             self.choose_effort(method)
+        if self.repeat is not None and self.warp != "auto":
+            raise InputError("`repeat` takes over what bends photographs, so `warp` would have no effect; leave it out")
         if self.repeat is not None and self.matches is not None:
             raise InputError("`repeat` takes over links, so `matches` would have no effect; leave one out")
         self.read_matches(photographs)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from golden_model.arrays import Array, Points
-from skymosaic.compositing.mesh import Mesh
+from skymosaic.compositing.mesh import Judged, Mesh
 from skymosaic.flight.layout.accuracy import Accuracy, measure_accuracy
 from skymosaic.flight.layout.adjustment import MODELS, WIDEST_SCALE_PX, Network
 from skymosaic.flight.layout.agreement import Agreement
@@ -110,6 +110,11 @@ class Layout:
         """Original pixels of each member to original pixels of the reference, (3, 3) each."""
         frame = views[self.reference].to_original
         return {m: frame @ self.transforms[m] @ np.linalg.inv(views[m].to_original) for m in self.members}
+
+    def with_meshes(self, meshes: dict[int, Mesh], judged: Judged) -> "Layout":
+        """The same layout with meshes, and with what is gained by them; as it is without meshes."""
+        shares = judged.plain / max(judged.matches, 1), judged.warped / max(judged.matches, 1)
+        return replace(self, bent=shares, meshes=meshes) if meshes else self
 
     def bend(self, member: int, view: View, points: Points) -> Points:
         """Where the photograph of a member, warped by its mesh, shows points (N, 2) of it; original px."""

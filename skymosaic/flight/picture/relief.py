@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from skymosaic.compositing.mesh import Frame, Mesh, Ties, fit_meshes
+from skymosaic.compositing.mesh import Frame, Judged, Mesh, Ties, fit_meshes
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.linking.links import Link
@@ -26,8 +26,7 @@ def follow_relief(flight: Flight) -> Flight:
         return flight
     layouts = list[Layout]()
     for layout in flight.layouts:
-        meshes, shares = _fit(flight, layout)
-        layouts.append(replace(layout, bent=shares, meshes=meshes) if meshes else layout)
+        layouts.append(layout.with_meshes(*_fit(flight, layout)))
     moves = {view: mesh.find for layout in layouts for view, mesh in layout.meshes.items()}
     if not moves:
         return flight
@@ -35,23 +34,22 @@ def follow_relief(flight: Flight) -> Flight:
     return replace(flight, links=tuple(links.values()), layouts=tuple(_move_links(each, links) for each in layouts))
 
 
-def _fit(flight: Flight, layout: Layout) -> tuple[dict[int, Mesh], tuple[float, float]]:
-    """The meshes of a layout, and the shares of held-out matches without and with them.
+def _fit(flight: Flight, layout: Layout) -> tuple[dict[int, Mesh], Judged]:
+    """The meshes of a layout, and by how many matches they are judged in all.
 
     So many photographs at a time; they meet those before them where their meshes have put these.
     """
     frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
-    meshes, shares = dict[int, Mesh](), list[tuple[float, float]]()
+    meshes, parts = dict[int, Mesh](), list[Judged]()
     for first in range(0, len(layout.members), TOGETHER):
         bent = layout.members[first : first + TOGETHER]
         moves = {view: mesh.find for view, mesh in meshes.items()}
         # Members rise, and the right view of a link is the later one.
         links = [link.move(moves) for link in layout.links if bent[0] <= link.right <= bent[-1]]
-        fitted, (plain, warped) = fit_meshes(frames, [_ties(link) for link in links], bent)
+        fitted, judged = fit_meshes(frames, [_ties(link) for link in links], bent)
         meshes |= fitted
-        shares.append((plain, warped if fitted else plain))
-    plain, warped = np.mean(shares, axis=0).tolist()
-    return meshes, (plain, warped)
+        parts.append(judged if fitted else judged._replace(warped=judged.plain))
+    return meshes, Judged(*map(sum, zip(*parts, strict=True)))
 
 
 def _ties(link: Link) -> Ties:
@@ -73,9 +71,7 @@ def describe_bending(layout: Layout) -> str:
     if layout.bent is None:
         return ""
     before, after = (f"{share:.0%}" for share in layout.bent)
-    return (
-        f"a mesh warps each photograph over relief: {after} of the held-out matches lie within 2 px, {before} without"
-    )
+    return f"photographs are bent over relief: {after} of the held-out matches lie within 2 px, {before} without"
 
 
 def bending_numbers(flight: Flight, layout: Layout) -> dict[str, Any] | None:

@@ -1,7 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from golden_model.arrays import Array, Points
+from skymosaic.compositing.layer import Layer
 from skymosaic.compositing.mesh import CHECK_CELLS, Frame, Mesh, Ties, fit_meshes
 from skymosaic.compositing.warp import Canvas
 from skymosaic.geometry.homography import apply
@@ -13,8 +16,8 @@ FRAMES = {0: Frame(SIZE, HOMOGRAPHY), 1: Frame(SIZE, np.eye(3))}
 
 def fit(left: Points, right: Points) -> tuple[Mesh | None, tuple[float, float]]:
     """The mesh of the left of two images, and the shares of held-out matches within 2 px."""
-    meshes, shares = fit_meshes(FRAMES, [Ties(0, 1, left, right)], [0])
-    return meshes.get(0), shares
+    meshes, (matches, plain, bent) = fit_meshes(FRAMES, [Ties(0, 1, left, right)], [0])
+    return meshes.get(0), (plain / max(matches, 1), bent / max(matches, 1))
 
 
 def matches(bulge_px: float, wrong: float = 0.1) -> tuple[Array, Array]:
@@ -54,13 +57,8 @@ def test_matches_on_the_fields_of_one_colour_cannot_be_held_out(few: int) -> Non
         assert fit(left[chosen], right[chosen]) == (None, (0.0, 0.0))
 
 
-def waves(size: tuple[int, int] = SIZE) -> Mesh:
-    """A mesh whose displacements of up to 8 px change from node to node."""
-    return Mesh(size, np.random.default_rng(3).uniform(-8, 8, (4, 5, 2)))
-
-
 def test_a_part_has_the_places_of_the_whole() -> None:
-    mesh, large = waves(), (1280, 960)
+    mesh, large = Mesh(SIZE, np.random.default_rng(3).uniform(-8, 8, (4, 5, 2))), (1280, 960)
     transform = np.array([[0.7, 0.05, 10], [-0.02, 0.8, 0], [0, 0, 1]])
     whole, part = Canvas(0, 0, 900, 700), Canvas(300, 200, 50, 40)
     places = mesh.places(large, transform, whole)
@@ -69,3 +67,15 @@ def test_a_part_has_the_places_of_the_whole() -> None:
     points = apply(np.linalg.inv(transform), np.array([[100.0, 100], [500, 300], [700, 600]]))
     expected = points + 2 * mesh.displacement(points / (np.array(large) - 1) * (np.array(SIZE) - 1))
     np.testing.assert_allclose(places[[100, 300, 600], [100, 500, 700]], expected, atol=0.05)
+
+
+def test_nothing_appears_beyond_the_horizon() -> None:
+    tilt, turn, size = np.radians(80), np.radians(33), (480, 360)
+    level = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    seen = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]]) @ level
+    to_image = np.array([[168.0, 0, 240], [0, 168, 180], [0, 0, 1]]) @ np.column_stack([seen[:, :2], [0, 0, 300]])
+    layer = Layer(np.zeros(size[::-1], np.uint8), np.linalg.inv(to_image), least_nearness=0.05)
+    part = layer.footprint.grown(400)
+    flat, bent = (x.border_distance(part) > 0 for x in (layer, replace(layer, mesh=Mesh(size, np.zeros((4, 5, 2))))))
+    assert np.count_nonzero(bent & ~flat) == 0
+    assert np.count_nonzero(bent) > 0.99 * np.count_nonzero(flat)

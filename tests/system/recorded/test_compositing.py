@@ -51,7 +51,8 @@ def bent(given: list[Layer]) -> list[Layer]:
         seen[::6] += rng.uniform(-60, 60, seen[::6].shape)
         inside = ((seen >= 0) & (seen < SIZE_PX)).all(axis=1)
         ties.append(Ties(left, right, points[inside], seen[inside]))
-    meshes, shares = fit_meshes(frames, ties, [1, 4, 5])
+    meshes, (count, plain, bent) = fit_meshes(frames, ties, [1, 4, 5])
+    shares = plain / count, bent / count
     check_recorded("meshes", [*shares, *(x for mesh in meshes.values() for x in mesh.nodes_px[::6, ::8].ravel())], 0.01)
     return [replace(layer, mesh=meshes.get(number)) for number, layer in enumerate(given)]
 

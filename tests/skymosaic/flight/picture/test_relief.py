@@ -11,11 +11,10 @@ import pytest
 from sim.scene import make_lawnmower
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.flight.flight import Flight
-from skymosaic.flight.layout.layout import Layout
 from skymosaic.flight.mapping.place import sightings_of
 from skymosaic.flight.picture import relief
 from skymosaic.flight.picture.relief import bending_numbers, describe_bending, follow_relief
-from skymosaic.geometry.homography import apply, transfer_error
+from skymosaic.geometry.homography import apply
 from skymosaic.imagery.lens import Lens
 from skymosaic.maps.control_points import ControlPoints, Sighting
 from skymosaic.mosaicking.api import mosaic, open_run
@@ -38,7 +37,7 @@ def flight(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Flight:
         return run.flight
 
 
-def test_meshes_halve_the_errors_also_off_the_plane(flight: Flight) -> None:
+def test_meshes_halve_the_errors(flight: Flight) -> None:
     bent = follow_relief(flight)
     before, after = flight.layouts[0], bent.layouts[0]
     assert after.bent is not None
@@ -48,16 +47,6 @@ def test_meshes_halve_the_errors_also_off_the_plane(flight: Flight) -> None:
     assert after.median_error_px < before.median_error_px / 2
     assert after.transforms is before.transforms
     assert set(after.meshes) == set(after.members)
-
-    def off_plane_px(layout: Layout) -> float:
-        errors = []
-        for link in layout.links:
-            to_right = np.linalg.inv(layout.transforms[link.right]) @ layout.transforms[link.left]
-            errors.append(transfer_error(to_right, link.left_relief, link.right_relief))
-        return float(np.median(np.concatenate(errors)))
-
-    assert off_plane_px(before) > 3
-    assert off_plane_px(after) < off_plane_px(before) / 4
 
 
 def test_photographs_bend_towards_those_before_them(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,7 +92,7 @@ def test_the_left_of_two_photographs_bends(folder: Path) -> None:
 def test_the_report_has_the_meshes_and_what_they_gained(flight: Flight) -> None:
     bent = follow_relief(flight)
     layout = bent.layouts[0]
-    gain = r"a mesh warps each photograph over relief: 9\d% of the held-out matches lie within 2 px, 8\d% without"
+    gain = r"photographs are bent over relief: 9\d% of the held-out matches lie within 2 px, 8\d% without"
     assert re.fullmatch(gain, describe_bending(layout))
     numbers = json.loads(json.dumps(bending_numbers(bent, layout)))
     assert numbers["held_out_within_2_px"] == pytest.approx(layout.bent)
