@@ -38,7 +38,6 @@ TAKERS: dict[Callable[..., object], type] = {
     Tracker: TrackerOptions,
 }
 """What takes options, with the class of the object."""
-MASKED = Lens(mask=np.ones((8, 8), np.uint8))
 
 
 @pytest.mark.parametrize(("function", "options"), TAKERS.items())
@@ -117,7 +116,7 @@ def test_every_option_has_a_docstring_a_name_and_a_valid_default() -> None:
         (3, {"positions": Positions("geo.txt", ())}, ""),
         (2, {"detector": "sift", "backend": "rtl"}, "leave out `backend`"),
         (2, {"effort": "thorough", "estimator": "magsac"}, "oriented ILBP"),
-        (2, {"warp": "homography", "lens": MASKED}, ""),
+        (3, {"repeat": object(), "warp": "homography"}, "`repeat` takes over what bends photographs, so `warp`"),
         (2, {"canvas_limit_px": 0}, "it must be at least 1"),
         (2, {"memory_bytes": (64 << 20) - 1}, "it must be at least"),
         (2, {"scale": 0.5, "canvas_limit_px": 1, "memory_bytes": 64 << 20}, ""),
