@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 from golden_model.arrays import Array, Matrix, Pixels, Points, Records
 from golden_model.config import Config
 from golden_model.formats import WEIGHT
-from golden_model.text import how_to_install, one_line
+from golden_model.text import one_line
 from skymosaic.common.brief import brief
 from skymosaic.common.errors import InputError
 from skymosaic.common.tables import Table
@@ -23,12 +21,12 @@ from skymosaic.features.positions import match_points
 from skymosaic.geometry.ground import Sight
 from skymosaic.geometry.homography import apply, rescale, transfer_error
 from skymosaic.geometry.prosac import INLIER_PX
-from skymosaic.imagery.images import Photograph, load, without_channels
+from skymosaic.imagery.images import Photograph, without_channels
 from skymosaic.imagery.notebook import describe_in_html, draw_lines
 from skymosaic.registration.confidence import Confidence, Evidence, judge, measure_evidence
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 KINDS = ("inliers", "kept", "matches")
 """Kinds of matches that `Pair.points` returns, the strictest first."""
@@ -238,39 +236,8 @@ class Pair:
             **{f"h{row}{column}": entries[3 * row + column - 4] for row in (1, 2, 3) for column in (1, 2, 3)},
         }
 
-    def plot(self, kind: str = "inliers") -> Figure:
-        """Draw both photographs beside each other with lines between matched points, coloured by weight.
-
-        Needs matplotlib, which the extra ``plots`` installs.
-
-        Parameters
-        ----------
-        kind : str
-            As in `points`.
-
-        Raises
-        ------
-        InputError
-            For another kind, or without matplotlib.
-        """
-        points = self.points(kind)
-        try:
-            # Matplotlib takes a second to import, and is an extra.
-            match_plot = importlib.import_module("skymosaic.registration.match_plot")
-        except ModuleNotFoundError:
-            raise InputError(f"a plot needs matplotlib; {how_to_install('plots')}") from None
-        for side in (self.left, self.right):
-            if not (side.pixels.size or Path(side.name).exists()):
-                raise InputError(
-                    f"{side.name}: no file to read again; a pair of arrays is plotted before it is pickled"
-                )
-        left, right = (side.pixels if side.pixels.size else load(side.name).pixels for side in (self.left, self.right))
-        images = left, right
-        figure: Figure = match_plot.draw_matches(images, points.left, points.right, points.weights, title=repr(self))
-        return figure
-
     def without_pixels(self) -> Pair:
-        """This pair with all its numbers, below 1 MB; `plot` reads files again."""
+        """This pair with all its numbers, below 1 MB."""
         left, right = self.left.without_pixels(), self.right.without_pixels()
         working, trust = (without_channels(self.working[0]), without_channels(self.working[1])), self.evidence
         return replace(self, left=left, right=right, working=working, visible=(None, None), known_evidence=trust)
