@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
-from typing import Any
 
 import cv2
 import numpy as np
@@ -109,7 +108,7 @@ class Layer:
 
     def pixels(self, part: Canvas, interpolation: int = cv2.INTER_LANCZOS4) -> Intensities:
         """The warped and toned intensities; the image's border pixels are repeated beyond it."""
-        return self._toned(part, self._warp(part, interpolation, self._places(part)))
+        return self._toned(part, self._warp(part, interpolation, self._bent(part)))
 
     def pixels_around(self, part: Canvas, shown: Mask) -> Intensities:
         """As `pixels`, but with fine detail only near ``shown`` pixels; a blend needs low frequencies elsewhere.
@@ -118,37 +117,32 @@ class Layer:
         ten times as long as bilinear interpolation.
         """
         near = cv2.dilate(shown.astype(np.uint8), np.ones((2 * FINE_REACH_PX + 1,) * 2, np.uint8))
-        places = self._places(part)
-        warped = self._warp(part, cv2.INTER_LINEAR, places)
+        bent = self._bent(part)
+        warped = self._warp(part, cv2.INTER_LINEAR, bent)
         blocks = (block for block in part.tiles(FINE_BLOCK_PX) if near[block.within(part)].any())
         # Neighbouring blocks are warped together, because each call has a fixed cost.
         for _, row in groupby(blocks, key=lambda block: block.y_px):
             run = list(row)
             whole = replace(run[0], width_px=run[-1].x_px + run[-1].width_px - run[0].x_px)
             where = whole.within(part)
-            warped[where] = self._warp(whole, cv2.INTER_LANCZOS4, None if places is None else places[where])
+            warped[where] = self._warp(whole, cv2.INTER_LANCZOS4, bent and (bent[0], bent[1][where]))
         return self._toned(part, warped)
 
-    def _places(self, part: Canvas) -> Float32 | None:
-        """Where the image of a layer with a mesh shows the pixels of a part, (h, w, 2)."""
-        return None if self.mesh is None else self.mesh.places(self.size, self.transform, part)
-
-    def _warp(self, part: Canvas, interpolation: int, places: Float32 | None) -> Intensities:
-        if places is None:
-            return warp_backward(self.image, self.transform, part, border=BEYOND, interpolation=interpolation)
-        whole = Canvas(0, 0, *self.size)
-        warped = self._bend(lambda source: self.image[source.within(whole)], part, places, interpolation)
-        return np.asarray(warped, dtype=self.image.dtype)
-
-    def _bend(
-        self, cut: Callable[[Canvas], Any], part: Canvas, places: Float32, interpolation: int, border: int = BEYOND
-    ) -> Any:
-        """Warp what ``cut`` has in the window of the image that a part needs, at its ``places``."""
-        assert self.mesh is not None
-        # OpenCV takes no images wider than 32767 px.
+    def _bent(self, part: Canvas) -> tuple[Canvas, Float32] | None:
+        """The window of the image that a part needs, and the part's pixels in it, (h, w, 2); None without a mesh."""
+        if self.mesh is None:
+            return None
         source = self.mesh.window(self.size, self.transform, part)
-        inside = cv2.subtract(places, (source.x_px, source.y_px, 0, 0))
-        return cv2.remap(cut(source), inside, None, interpolation, borderMode=border)
+        places = self.mesh.places(self.size, self.transform, part)
+        return source, np.asarray(cv2.subtract(places, (source.x_px, source.y_px, 0, 0)))
+
+    def _warp(self, part: Canvas, interpolation: int, bent: tuple[Canvas, Float32] | None) -> Intensities:
+        if bent is None:
+            return warp_backward(self.image, self.transform, part, border=BEYOND, interpolation=interpolation)
+        source, places = bent
+        # OpenCV takes no images wider than 32767 px.
+        window = self.image[source.within(Canvas(0, 0, *self.size))]
+        return np.asarray(cv2.remap(window, places, None, interpolation, borderMode=BEYOND), dtype=self.image.dtype)
 
     def _toned(self, part: Canvas, warped: Intensities) -> Intensities:
         if not self.tone.varies:
@@ -178,11 +172,11 @@ class Layer:
 
     def _warp_window(self, cut: Callable[[Canvas], Pixels | Float32], part: Canvas) -> Pixels | Float32:
         """Warp what ``cut`` has in the window of the image that a part needs; 0 outside the image."""
-        places = self._places(part)
-        if places is None:
+        if (bent := self._bent(part)) is None:
             source = source_window(self.size, self.transform, part)
             return warp_tile(cut(source), self.transform, source, part, border=cv2.BORDER_CONSTANT)
-        return np.asarray(self._bend(cut, part, places, cv2.INTER_LINEAR, cv2.BORDER_CONSTANT))
+        source, places = bent
+        return np.asarray(cv2.remap(cut(source), places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
 
     def _visible_part(self, source: Canvas) -> Pixels:
         if self.visible is None:

@@ -39,6 +39,7 @@ ROBUST_PX = (6.0, 3.0, 2.0)
 """Scales of the reweighting; a residual of 0.64 scales has half of the weight."""
 MIN_MATCHES = 30
 NOWHERE_PX = -1e6
+"""Where places beyond the horizon are put: far outside of every image."""
 CHECK_CELLS = 10
 """Held-out matches lie in alternate fields of a chessboard on the ground, with so many along a side of an image."""
 MIN_GAIN = 0.03

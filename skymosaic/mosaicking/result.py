@@ -60,8 +60,15 @@ class Mosaic:
         """Find where the mosaic shows points (N, 2) of a placed photograph, by its index; px of either picture.
 
         The points are pixels of the photograph as it is given, turned upright.
+
+        Raises
+        ------
+        InputError
+            For a photograph that the mosaic does not show.
         """
         flight = self.flight
+        if photograph not in self.transforms:
+            raise InputError(f"photograph {photograph} is not in the mosaic; give one of `placed`")
         member = next(m for m in self.layout.members if flight.sources[m].index == photograph)
         view = flight.views[member]
         straight = flight.lens.turned(view.orientation).straighten_points(np.asarray(points, np.float64), view.size)

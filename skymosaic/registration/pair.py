@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,6 @@ from skymosaic.geometry.prosac import INLIER_PX
 from skymosaic.imagery.images import Photograph, without_channels
 from skymosaic.imagery.notebook import describe_in_html, draw_lines
 from skymosaic.registration.confidence import Confidence, Evidence, judge, measure_evidence
-
-if TYPE_CHECKING:
-    pass
 
 KINDS = ("inliers", "kept", "matches")
 """Kinds of matches that `Pair.points` returns, the strictest first."""

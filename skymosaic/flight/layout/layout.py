@@ -113,8 +113,9 @@ class Layout:
 
     def with_meshes(self, meshes: dict[int, Mesh], judged: Judged) -> "Layout":
         """The same layout with meshes, and with what is gained by them; as it is without meshes."""
-        shares = judged.plain / max(judged.matches, 1), judged.warped / max(judged.matches, 1)
-        return replace(self, bent=shares, meshes=meshes) if meshes else self
+        if not meshes:
+            return self
+        return replace(self, bent=(judged.plain / judged.matches, judged.warped / judged.matches), meshes=meshes)
 
     def bend(self, member: int, view: View, points: Points) -> Points:
         """Where the photograph of a member, warped by its mesh, shows points (N, 2) of it; original px."""

@@ -13,7 +13,7 @@ from skymosaic.flight.linking.links import Link
 from skymosaic.geometry.homography import transfer_error
 
 TOGETHER = 100
-"""Photographs whose meshes are fitted at once, which takes up to 3.5 MB for each."""
+"""Photographs whose meshes are fitted at once, which takes up to 3 MB for each."""
 
 
 def follow_relief(flight: Flight) -> Flight:
@@ -26,7 +26,7 @@ def follow_relief(flight: Flight) -> Flight:
         return flight
     layouts = list[Layout]()
     for layout in flight.layouts:
-        layouts.append(layout.with_meshes(*_fit(flight, layout)))
+        layouts.append(layout.with_meshes(*_fit_in_parts(flight, layout)))
     moves = {view: mesh.find for layout in layouts for view, mesh in layout.meshes.items()}
     if not moves:
         return flight
@@ -34,10 +34,10 @@ def follow_relief(flight: Flight) -> Flight:
     return replace(flight, links=tuple(links.values()), layouts=tuple(_move_links(each, links) for each in layouts))
 
 
-def _fit(flight: Flight, layout: Layout) -> tuple[dict[int, Mesh], Judged]:
+def _fit_in_parts(flight: Flight, layout: Layout) -> tuple[dict[int, Mesh], Judged]:
     """The meshes of a layout, and by how many matches they are judged in all.
 
-    So many photographs at a time; they meet those before them where their meshes have put these.
+    `TOGETHER` photographs at a time; they meet those before them where their meshes have put these.
     """
     frames = {m: Frame(flight.views[m].working_size, layout.transforms[m]) for m in layout.members}
     meshes, parts = dict[int, Mesh](), list[Judged]()

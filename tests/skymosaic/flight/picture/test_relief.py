@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sim.scene import make_lawnmower
+from skymosaic.common.errors import InputError
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.flight.flight import Flight
 from skymosaic.flight.mapping.place import sightings_of
@@ -66,6 +67,8 @@ def test_points_are_located_where_the_mosaic_shows_them(flight: Flight, folder: 
         flat_px += [*apply(made.transforms[left], at_left) - apply(made.transforms[right], at_right)]
     assert np.median(np.linalg.norm(flat_px, axis=1)) > 3
     assert np.median(np.linalg.norm(off_px, axis=1)) < 1
+    with pytest.raises(InputError, match="photograph 9 is not in the mosaic"):
+        made.locate(9, np.zeros((1, 2)))
 
 
 def test_what_a_mask_hides_stays_hidden_in_bent_photographs(folder: Path) -> None:
