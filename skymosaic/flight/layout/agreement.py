@@ -34,14 +34,16 @@ PATCH_PX, STEP_PX, REACH_PX = 48, 40, 12
 """Side of a patch of a thumbnail, distance to the next one, and how far relief may move it."""
 LIGHT_PX, OUTSIDE = 8.0, 1e4
 """Sigma of the band-pass: coarser differences are those of light. A value that it never has marks what is not shown."""
-MIN_CONTRAST, SAME = 1.5, 0.6
-"""Gray levels (standard deviation) of a patch with texture, and correlation of patches that show the same."""
+MIN_CONTRAST, SAME, DIFFERENT = 1.5, 0.6, 0.25
+"""Gray levels (standard deviation) of a patch with texture, and correlation of patches that show the same, or what has
+nothing in common: the best place near a wrong one reaches 0.2 in the middle, on all public flights."""
 MIN_RECOGNISED, MIN_SAME = 4, 0.2
 """Patches of two photographs that are recognised, without which they cannot tell, and the share of these that must be
 the same: under a kite over buildings 0.3 at least, in a false layout mostly none."""
-FALSE_JOINT = 0.5
-"""A joint is false where that share, of all pairs across it, is below so many times that of the other pairs: 0.65 for
-the worst of a kite's true joints; 0.38 for false ones by a twin half as wide as a photograph, 0.52 by one of 0.7."""
+FALSE_JOINT, WITHIN = 0.08, 4
+"""A joint is false where a larger share of the recognised patches is different across it, and so many times the share
+within its sides (text on a display, cars) more than that: 0.05 for the worst of a kite's true joints over buildings;
+false ones by a twin of 0.6 of a photograph 0.15 at least, of 0.7 mostly 0.12."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +55,16 @@ class GroundOfPair:
     """Patches of either that are recognised, and those of them that are the same in the other one."""
     off_px: float
     """How far these are from where the layout puts them, median, working px of the right view."""
+    different: int
+    """Recognised patches that have nothing in common with the other one."""
 
     @property
     def agrees(self) -> bool | None:
         """Whether the ground agrees; None if too little of it can tell."""
         return None if self.recognised < MIN_RECOGNISED else self.same >= MIN_SAME * self.recognised
+
+
+UNKNOWN = GroundOfPair(0, 0, np.inf, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +122,8 @@ def measure_agreement(views: Sequence[View], transforms: Mapping[int, Array]) ->
         known = np.concatenate([fits[left, right][recognised[right]], fits[right, left][recognised[left]]])
         off_px = known[known[:, 0] > SAME, 1] / views[right].to_thumbnail[0, 0]
         median_px = float(np.median(off_px)) if len(off_px) else np.inf
-        grounds[left, right] = GroundOfPair(len(off_px), int(np.isfinite(known[:, 0]).sum()), median_px)
+        told = known[np.isfinite(known[:, 0]), 0]
+        grounds[left, right] = GroundOfPair(len(off_px), len(told), median_px, int((told < DIFFERENT).sum()))
     return Agreement(grounds)
 
 
@@ -170,32 +178,42 @@ def find_false_joint(
     """The smaller of two parts of a layout, and what is said of the links that join them falsely; None without such.
 
     A joint is judged as a whole, by the recognised patches of all pairs across it: single pairs agree by chance. The
-    parts are those into which the tree of the surest links falls without one of them; ``tried`` are all links.
+    parts are those into which the tree of the surest links falls without one of them, the least sure first; ``tried``
+    are all links.
     """
-    pairs, unknown = np.array([*agreement.pairs]), GroundOfPair(0, 0, 0.0)
-    counts = np.array([(ground.same, ground.recognised) for ground in agreement.pairs.values()])
-    # The share of a joint is not below that of the worst pair across it.
-    if all(same >= FALSE_JOINT * known for same, known in counts):
+    pairs = np.array([*agreement.pairs])
+    counts = np.array([(ground.different, ground.recognised) for ground in agreement.pairs.values()])
+    # The share of a joint is not above that of the worst pair across it.
+    if all(different <= FALSE_JOINT * known for different, known in counts):
         return None
-    grounds = [agreement.pairs.get((link.left, link.right), unknown) for link in links]
-    sure = [link.inliers * (each.same + 1) / (each.recognised + 1) for link, each in zip(links, grounds, strict=True)]
-    costs = [1 + round(1e6 / (1 + strength)) for strength in sure]
-    joined = np.array(members)[np.array(minimum_spanning_tree(join(members, links, costs)).nonzero())].T.tolist()
-    tree = [link for link in links if [link.left, link.right] in joined or [link.right, link.left] in joined]
-    worst, found = FALSE_JOINT, None
+    tree = _surest_tree(agreement, members, links)
     for cut in tree:
         sides = groups(members[-1] + 1, [link for link in tree if link is not cut])
         part = min((side for side in sides if cut.left in side or cut.right in side), key=len)
         across = np.isin(pairs, part).sum(axis=1) == 1
-        (same, known), (same_apart, known_apart) = (counts[each].sum(axis=0) for each in (across, ~across))
-        if known >= MIN_RECOGNISED and same * known_apart < worst * same_apart * known:
-            worst, found = same * known_apart / (same_apart * known), (part, pairs[across].tolist(), same / known)
-    if found is None:
+        (different, known), (different_within, known_within) = (counts[each].sum(axis=0) for each in (across, ~across))
+        allowed = FALSE_JOINT + WITHIN * different_within / max(known_within, 1)
+        if different >= MIN_RECOGNISED and different > allowed * known:
+            break
+    else:
         return None
-    part, between, share = found
+    between, share = pairs[across].tolist(), different / known
     held = [tried[left, right].holds for left, right in between if (left, right) in tried]
     differ = sum(agreement.pairs[left, right].agrees is False for left, right in between)
     return part, (
-        f"the ground contradicts: across them {share:.0%} of what photographs recognise is the same, {differ} of "
+        f"the ground contradicts: across them {share:.0%} of what photographs recognise is not there, {differ} of "
         f"{len(between)} pairs that overlap by half disagree, and {held.count(False)} of {len(held)} tried do not hold"
     )
+
+
+def _surest_tree(agreement: Agreement, members: Sequence[int], links: Sequence[Link]) -> list[Link]:
+    """The links that join all members and are surest by their inliers and by the ground, the least sure first."""
+    costs = dict[Candidate, int]()
+    for link in links:
+        ground = agreement.pairs.get((link.left, link.right), UNKNOWN)
+        doubt = (ground.recognised - ground.same + 1) / (ground.recognised + 2)
+        costs[link.left, link.right] = 1 + round(1e6 * doubt / link.inliers)
+    joined = minimum_spanning_tree(join(members, links, list(costs.values()))).nonzero()
+    ends = {(min(pair), max(pair)) for pair in np.array(members)[np.array(joined)].T.tolist()}
+    tree = [link for link in links if (link.left, link.right) in ends]
+    return sorted(tree, key=lambda link: -costs[link.left, link.right])

@@ -119,7 +119,7 @@ def test_places_and_links_are_listed_the_worst_first(tmp_path: Path) -> None:
 
 
 def test_ground_that_was_compared_is_drawn_over_the_mosaic_and_what_differs_lies_on_top(tmp_path: Path) -> None:
-    pairs = {(0, 1): GroundOfPair(1, 9, 1.0), (0, 3): GroundOfPair(9, 9, 1.0), (1, 3): GroundOfPair(3, 3, 1.0)}
+    pairs = {(0, 1): GroundOfPair(1, 9, 1.0, 0), (0, 3): GroundOfPair(9, 9, 1.0, 0), (1, 3): GroundOfPair(3, 3, 1.0, 0)}
     page_of(tmp_path, delivered(layout=replace(delivered().layout, agreement=Agreement(pairs))))
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert '<image href="mosaic_1.jpg" width="800" height="500"/>' in page

@@ -181,7 +181,7 @@ def test_ground_that_lies_on_other_ground_is_named_with_its_place() -> None:
     views = made.views(4)
     views[2] = replace(views[2], taken=Metadata(position=Position(46.5, 8.25)))
     flight = made.flight(views)
-    differs, agrees, unknown = GroundOfPair(1, 9, 4.0), GroundOfPair(2, 9, 4.0), GroundOfPair(0, 3, np.inf)
+    differs, agrees, unknown = GroundOfPair(1, 9, 4.0, 0), GroundOfPair(2, 9, 4.0, 0), GroundOfPair(0, 3, np.inf, 0)
     pairs = {(0, 2): differs, (1, 2): differs, (2, 3): unknown, (0, 1): agrees}
     nothing = np.zeros((0, 2))
     links = (Link(0, 2, nothing, nothing, 0, 0),)

@@ -16,29 +16,31 @@ from skymosaic.mosaicking.api import open_run
 from skymosaic.mosaicking.options import MosaicOptions
 from tests.skymosaic.flight import made
 
-SIZE, NEAR, COUNT, TWIN_PX = (480, 360), 5, 10, 140
+SIZE, NEAR, COUNT = (480, 360), 5, 10
 
 
-def photographs(*, twin: bool) -> list[Pixels]:
-    """A flight; with a twin, its second half is far away, and one square of ground lies in both halves."""
+def photographs(twin: float) -> list[Pixels]:
+    """A flight; with a twin, its second half is far away, and ground of that share of a photograph lies in both."""
     rendered = make_lawnmower(seed=2, images=COUNT, size=SIZE, forward_overlap=0.7, side_overlap=0.6)
     if not twin:
         return list(rendered.images)
     poses = [replace(pose, x_px=pose.x_px + 4000 * (view >= NEAR)) for view, pose in enumerate(rendered.poses)]
     away, images = replace(rendered, poses=tuple(poses)), list[Pixels]()
-    square, shown = render_ground(77, TWIN_PX, TWIN_PX), np.full((TWIN_PX, TWIN_PX), 255, np.uint8)
+    width_px, height_px = (round(twin * side) for side in SIZE)
+    both, shown = render_ground(77, width_px, height_px), np.full((height_px, width_px), 255, np.uint8)
     for view, image in enumerate(away.images):
         middle = poses[NEAR // 2 + NEAR * (view >= NEAR)]
-        to_ground = np.array([[1, 0, middle.x_px - TWIN_PX / 2], [0, 1, middle.y_px - TWIN_PX / 2], [0, 0, 1]])
+        to_ground = np.array([[1, 0, middle.x_px - width_px / 2], [0, 1, middle.y_px - height_px / 2], [0, 0, 1]])
         to_image = away.homographies[view] @ to_ground
         inside = cv2.warpPerspective(shown, to_image, SIZE) == 255
-        pasted = np.where(inside[..., None], cv2.warpPerspective(square, to_image, SIZE), image)
+        pasted = np.where(inside[..., None], cv2.warpPerspective(both, to_image, SIZE), image)
         images.append(np.asarray(pasted, np.uint8))
     return images
 
 
-def test_what_only_a_twin_joins_is_apart_and_without_it_all_pairs_agree() -> None:
-    with open_run(photographs(twin=True), MosaicOptions()) as run:
+@pytest.mark.parametrize("twin", [0.35, 0.8])
+def test_what_only_a_twin_joins_is_apart(twin: float) -> None:
+    with open_run(photographs(twin), MosaicOptions()) as run:
         layouts, flight = run.layouts, run.flight
     assert [layout.members for layout in layouts] == [(0, 1, 2, 3, 4), (5, 6, 7, 8, 9)]
     assert any(link.holds and link.left < NEAR <= link.right for link in flight.links)
@@ -47,7 +49,10 @@ def test_what_only_a_twin_joins_is_apart_and_without_it_all_pairs_agree() -> Non
     assert len({reason.partition(": ")[2] for reason in reasons}) == 1
     assert ") the ground contradicts: across them " in reasons[0]
     assert " pairs that overlap by half disagree, and " in reasons[0]
-    with open_run(photographs(twin=False), MosaicOptions()) as run:
+
+
+def test_without_a_twin_all_pairs_agree() -> None:
+    with open_run(photographs(twin=0), MosaicOptions()) as run:
         (layout,) = run.layouts
     assert len(layout.members) == COUNT
     assert not layout.agreement.of(False)
@@ -98,7 +103,7 @@ def test_photographs_of_one_place_are_compared_with_some_of_the_others() -> None
 
 
 def test_the_headline_counts_every_pair_that_tells() -> None:
-    agrees, differs, unknown = GroundOfPair(2, 9, 3.5), GroundOfPair(1, 9, 1.0), GroundOfPair(3, 3, 9.0)
+    agrees, differs, unknown = GroundOfPair(2, 9, 3.5, 0), GroundOfPair(1, 9, 1.0, 0), GroundOfPair(3, 3, 9.0, 0)
     pairs = {(0, 1): agrees, (0, 2): agrees, (1, 2): unknown}
     assert Agreement(pairs).description == (
         "2 of 2 pairs that overlap by half agree (100%), nine in ten within 4 px; 1 cannot tell"
@@ -108,30 +113,50 @@ def test_the_headline_counts_every_pair_that_tells() -> None:
     assert mixed.description == "2 of 3 pairs that overlap by half agree (67%); 1 cannot tell"
 
 
-@pytest.mark.parametrize(("same", "apart"), [(4, True), (5, False)])
-def test_a_joint_by_a_twin_that_all_pairs_see_is_false_though_none_disagrees(same: int, apart: bool) -> None:
-    inside, across = GroundOfPair(10, 10, 1.0), GroundOfPair(same, 10, 1.0)
-    assert across.agrees
-    grounds = {(0, 1): inside, (2, 3): inside} | dict.fromkeys(((0, 2), (0, 3), (1, 2), (1, 3)), across)
-    links = [Link(*pair, np.ones((0, 2)), np.ones((0, 2)), 50, 50) for pair in ((0, 1), (2, 3), (1, 2))]
-    assert (find_false_joint(Agreement(grounds), range(4), links, {}) is not None) is apart
-
-
-@pytest.mark.parametrize(("same", "apart"), [(9, True), (10, False)])
-def test_a_joint_is_judged_by_all_pairs_across_it(same: int, apart: bool) -> None:
+def joint(across: dict[tuple[int, int], GroundOfPair], within: int = 0) -> tuple[list[int], str] | None:
+    """What is found of a joint of two photographs with two more, of which ``within`` of 50 patches are different."""
     nothing = np.zeros((0, 2))
-    # Of what is recognised in one half or across, here less than half or just half is the same; single pairs agree.
-    inside, across = GroundOfPair(10, 10, 1.0), GroundOfPair(10, 10, 1.0)
-    grounds = {(0, 1): inside, (2, 3): inside, (0, 2): GroundOfPair(0, 10, np.inf), (1, 2): across}
-    grounds[1, 3] = GroundOfPair(same - 5, 10, 1.0)
-    grounds[0, 3] = GroundOfPair(5, 10, 1.0)
-    links = [Link(*pair, nothing + 1, nothing, 50, 50) for pair in ((0, 1), (2, 3), (1, 2))]
+    grounds = {(0, 1): GroundOfPair(50, 50, 1.0, within), (2, 3): GroundOfPair(50, 50, 1.0, 0)} | across
+    links = [Link(*pair, nothing, nothing, 50, 50) for pair in ((0, 1), (1, 2), (2, 3))]
     tried = {(1, 2): Link(1, 2, np.zeros((9, 2)), np.zeros((9, 2)), 9, 9), (0, 2): Link(0, 2, nothing, nothing, 4, 0)}
-    found = find_false_joint(Agreement(grounds), range(4), links, tried)
+    return find_false_joint(Agreement(grounds), range(4), links, tried)
+
+
+@pytest.mark.parametrize(
+    ("different", "within", "apart"), [(9, 0, True), (8, 0, False), (25, 4, True), (24, 4, False), (24, 3, True)]
+)
+def test_a_joint_is_false_by_what_is_different_across_it_and_not_within(
+    different: int, within: int, apart: bool
+) -> None:
+    # No pair disagrees; of 100 patches across, some are not there.
+    shares = [different // 4, different // 4, different // 4, different - 3 * (different // 4)]
+    pairs = [(0, 2), (0, 3), (1, 2), (1, 3)]
+    across = {pair: GroundOfPair(15, 25, 1.0, each) for pair, each in zip(pairs, shares, strict=True)}
+    assert all(ground.agrees for ground in across.values())
+    found = joint(across, within)
     assert (found is not None) is apart
     if found is not None:
         assert found[0] in ([0, 1], [2, 3])
-        assert found[1] == (
-            "the ground contradicts: across them 48% of what photographs recognise is the same, 1 of 4 pairs that "
-            "overlap by half disagree, and 1 of 2 tried do not hold"
-        )
+
+
+def test_a_false_joint_is_described_by_all_pairs_across_it() -> None:
+    across = {(0, 2): GroundOfPair(0, 10, np.inf, 6), (1, 2): GroundOfPair(5, 10, 1.0, 0)}
+    found = joint(across | {(0, 3): GroundOfPair(9, 20, 1.0, 4)})
+    assert found is not None
+    assert found[1] == (
+        "the ground contradicts: across them 25% of what photographs recognise is not there, 1 of 3 pairs that "
+        "overlap by half disagree, and 1 of 2 tried do not hold"
+    )
+    # So few patches may be different by chance.
+    assert joint({(0, 2): GroundOfPair(0, 10, np.inf, 3)}) is None
+
+
+def test_of_joints_that_explain_what_is_different_the_least_sure_is_false() -> None:
+    nothing = np.zeros((0, 2))
+    same, twin, differs = GroundOfPair(30, 30, 1.0, 0), GroundOfPair(36, 40, 1.0, 0), GroundOfPair(10, 30, 1.0, 15)
+    # What 1 and 2 share is the twin; all that is different lies in 0.
+    grounds = {(0, 1): same, (1, 2): twin, (2, 3): same, (0, 2): differs, (0, 3): differs}
+    links = [Link(*pair, nothing, nothing, 50, 50) for pair in ((0, 1), (1, 2), (2, 3))]
+    found = find_false_joint(Agreement(grounds), range(4), links, {})
+    assert found is not None
+    assert found[0] in ([0, 1], [2, 3])
