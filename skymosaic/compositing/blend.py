@@ -134,19 +134,23 @@ def find_owners(layers: Sequence[Layer], canvas: Canvas) -> tuple[Owners, Float3
     """Index of the layer with the largest claim to each pixel, -1 without a claim; and that claim."""
     owner = np.full((canvas.height_px, canvas.width_px), -1, dtype=np.int16)
     strongest = np.zeros(owner.shape, dtype=np.float32)
-    for index, layer in enumerate(layers):
-        part = layer.shown_part(canvas)
-        if part is None:
-            continue
+    shown = {index: part for index, layer in enumerate(layers) if (part := layer.shown_part(canvas)) is not None}
+    for index, part in shown.items():
         where = part.within(canvas)
-        _claim(owner[where], strongest[where], index, layer.claim(part))
+        _claim(owner[where], strongest[where], index, layers[index].claim(part))
+    # Pixels between two masks and beyond the last one have no owner, so any image that covers them may show them.
+    for index in shown:
+        whole = layers[index].footprint.intersection(canvas)
+        if layers[index].seam is not None and whole and (left := owner[whole.within(canvas)] < 0).any():
+            where = (part := whole.bounding(left)).within(canvas)
+            _claim(owner[where], strongest[where], index, layers[index].covers(part))
     return owner, strongest
 
 
 def _claim(owner: Owners, strongest: Float32, index: int, claim: Float32) -> None:
     """Give a layer the pixels to which it has the strongest claim up to now."""
     stronger = claim > strongest
-    strongest[stronger] = claim[stronger]
+    cv2.copyTo(claim, stronger.view(np.uint8), strongest)
     owner[stronger] = index
 
 

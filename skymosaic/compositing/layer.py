@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby
 
 import cv2
 import numpy as np
@@ -13,15 +12,7 @@ import numpy as np
 from golden_model.arrays import Array, Float32, Intensities, Mask, Pixels, Points
 from skymosaic.compositing.mesh import Mesh
 from skymosaic.compositing.tone import NEUTRAL, Tone
-from skymosaic.compositing.warp import (
-    CELL_PX,
-    Canvas,
-    footprint,
-    nearest_corner,
-    source_window,
-    warp_backward,
-    warp_tile,
-)
+from skymosaic.compositing.warp import Canvas, footprint, nearest_corner, source_window, warp_backward, warp_tile
 from skymosaic.geometry.homography import apply, resize_matrix
 from skymosaic.imagery.depth import measure_clipped
 from skymosaic.imagery.parcel import Parcel
@@ -36,7 +27,7 @@ a bright roof. Around is in 3 by 3 cells of `skymosaic.imagery.depth.measure_cli
 BEYOND = cv2.BORDER_REPLICATE
 FINE_BLOCK_PX, FINE_REACH_PX = 32, 8
 """Fine detail is computed in blocks of this side, and this far beyond what is shown, as far as the finest two bands
-reach."""
+reach. `Layer.pixels_around` takes parts of whole blocks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +41,17 @@ class SeamMask:
     scale: float
     """Pixels of the reduced frame per pixel of the reference frame."""
 
-    def touches(self, part: Canvas) -> bool:
-        """Whether the photograph shows in ``part`` of the reference frame, or within a mask pixel of it."""
+    def shown_part(self, part: Canvas) -> Canvas | None:
+        """The rectangle of ``part`` in which `share` is not 0, or within a mask pixel of it; None if there is none."""
         first, last = apply(self._to_mask, part.corners[[0, 2]])
-        x, y = np.maximum(np.floor(first) - 1, 0).astype(int)
-        last_x, last_y = np.maximum(np.ceil(last) + 2, 0).astype(int)
-        return bool(self.mask.pixels[y:last_y, x:last_x].any())
+        (x, y), ends = np.floor(first).astype(int).tolist(), np.ceil(last).astype(int) + 1
+        # A mask continues beyond its rectangle.
+        near = np.take(np.take(self.mask.pixels, range(y, ends[1]), 0, mode="clip"), range(x, ends[0]), 1, mode="clip")
+        if not near.any():
+            return None
+        box = Canvas(x, y, *near.shape[::-1]).bounding(near).grown(1)
+        to_reference = np.asarray(np.linalg.inv(box.translation @ self._to_mask))
+        return footprint((box.width_px, box.height_px), to_reference).intersection(part)
 
     def share(self, part: Canvas) -> Pixels:
         """Interpolate the mask to ``part`` of the reference frame, 0..255, which smooths the seams."""
@@ -104,7 +100,7 @@ class Layer:
     def shown_part(self, canvas: Canvas) -> Canvas | None:
         """The part of the canvas that the image may cover; None if there is none, or the seams leave nothing of it."""
         part = self.footprint.intersection(canvas)
-        return part if part is None or self.seam is None or self.seam.touches(part) else None
+        return part if part is None or self.seam is None else self.seam.shown_part(part)
 
     def pixels(self, part: Canvas, interpolation: int = cv2.INTER_LANCZOS4) -> Intensities:
         """The warped and toned intensities; the image's border pixels are repeated beyond it."""
@@ -119,13 +115,13 @@ class Layer:
         near = cv2.dilate(shown.astype(np.uint8), np.ones((2 * FINE_REACH_PX + 1,) * 2, np.uint8))
         bent = self._bent(part)
         warped = self._warp(part, cv2.INTER_LINEAR, bent)
-        blocks = (block for block in part.tiles(FINE_BLOCK_PX) if near[block.within(part)].any())
         # Neighbouring blocks are warped together, because each call has a fixed cost.
-        for _, row in groupby(blocks, key=lambda block: block.y_px):
-            run = list(row)
-            whole = replace(run[0], width_px=run[-1].x_px + run[-1].width_px - run[0].x_px)
-            where = whole.within(part)
-            warped[where] = self._warp(whole, cv2.INTER_LANCZOS4, bent and (bent[0], bent[1][where]))
+        for y_px in range(part.y_px, part.y_px + part.height_px, FINE_BLOCK_PX):
+            row = replace(part, y_px=y_px, height_px=FINE_BLOCK_PX)
+            if (fine := near[row.within(part)]).any():
+                run = row.bounding(fine).aligned(FINE_BLOCK_PX)
+                where = run.within(part)
+                warped[where] = self._warp(run, cv2.INTER_LANCZOS4, bent and (bent[0], bent[1][where]))
         return self._toned(part, warped)
 
     def _bent(self, part: Canvas) -> tuple[Canvas, Float32] | None:
@@ -133,8 +129,7 @@ class Layer:
         if self.mesh is None:
             return None
         source = self.mesh.window(self.size, self.transform, part)
-        places = self.mesh.places(self.size, self.transform, part)
-        return source, np.asarray(cv2.subtract(places, (source.x_px, source.y_px, 0, 0)))
+        return source, self.mesh.places(self.size, self.transform, part, (source.x_px, source.y_px))
 
     def _warp(self, part: Canvas, interpolation: int, bent: tuple[Canvas, Float32] | None) -> Intensities:
         if bent is None:
@@ -165,10 +160,11 @@ class Layer:
         if self.seam is None:
             claim = self.border_distance(part) * self._detail(part) * np.float32(self.favour)
             return claim * self._warp_window(self._unclipped_part, part)
-        # Pixels between two masks and beyond the last one have no owner, so any image that covers them may show them.
-        share = np.maximum(self.seam.share(part), 1)
-        covered = np.asarray(self._warp_window(self._visible_part, part) == 255) & self._is_near(part)
-        return np.where(covered, share, 0).astype(np.float32)
+        return self.seam.share(part) * self.covers(part)
+
+    def covers(self, part: Canvas) -> Float32:
+        """1 where the image shows the ground, else 0."""
+        return np.asarray((self._warp_window(self._visible_part, part) == 255) & self._is_near(part), dtype=np.float32)
 
     def _warp_window(self, cut: Callable[[Canvas], Pixels | Float32], part: Canvas) -> Pixels | Float32:
         """Warp what ``cut`` has in the window of the image that a part needs; 0 outside the image."""
@@ -221,7 +217,7 @@ class Layer:
             (xx, xy), (_, yy) = np.moveaxis(along.swapaxes(1, 2) @ along, 0, -1)
             return np.asarray(area / np.sqrt((xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)))
 
-        return part.interpolate(CELL_PX, compute)[..., 0]
+        return part.interpolate(compute)[..., 0]
 
     def _remoteness(self, part: Canvas) -> Array:
         """The reciprocal of `skymosaic.compositing.warp.nearness` at pixels of the reference frame."""

@@ -20,7 +20,7 @@ from scipy import sparse
 
 from golden_model.arrays import Array, Float32, Mask, Matrix, Points
 from skymosaic.compositing.grid import interpolation, nodes_around, roughness, solve
-from skymosaic.compositing.warp import CELL_PX, Canvas, magnification, nearest_corner, source_window
+from skymosaic.compositing.warp import Canvas, magnification, nearest_corner, source_window
 from skymosaic.geometry.homography import apply
 from skymosaic.geometry.prosac import INLIER_PX
 
@@ -101,8 +101,8 @@ class Mesh:
             warped = points - self.displacement(warped)
         return warped
 
-    def places(self, size: tuple[int, int], transform: Array, part: Canvas) -> Float32:
-        """Where an image shows the pixels of a part of the reference frame, (height, width, 2) px.
+    def places(self, size: tuple[int, int], transform: Array, part: Canvas, first: tuple[int, int] = (0, 0)) -> Float32:
+        """Where an image shows the pixels of a part of the reference frame, (height, width, 2) px from a ``first`` one.
 
         The image may have any ``size``, over which the grid is stretched. ``transform`` is from pixels of the warped
         image to reference pixels. Interpolated there, the image is warped and transformed at once.
@@ -112,12 +112,12 @@ class Mesh:
 
         def compute(points: Points) -> Array:
             shown = apply(inverse, points)
-            places = shown + stretched * self.displacement(shown / stretched)
+            places = shown + stretched * self.displacement(shown / stretched) - first
             # Beyond the horizon nothing is shown; between both sides of it, places would run through the image.
             places[(points @ inverse[2, :2] + inverse[2, 2]) * nearest <= 0] = NOWHERE_PX
             return places
 
-        return part.interpolate(CELL_PX, compute)
+        return part.interpolate(compute)
 
     def window(self, size: tuple[int, int], transform: Array, part: Canvas) -> Canvas:
         """The rectangle of image pixels that `places` needs, as `source_window`."""

@@ -13,6 +13,8 @@ SHOULDER_START = 200 / 255
 """Toned intensities above this share of white are compressed, so that what was below white stays below white."""
 SHADING_TERMS = 4
 """Terms of the shading, see `shading_terms`."""
+STRIP_PX = 16
+"""Rows that are toned at a time."""
 FIELD_STEP_PX = 16
 """Factors are computed on a grid this coarse and interpolated, with errors of a hundredth at most."""
 
@@ -51,27 +53,25 @@ class Tone:
             return pixels
         planes = pixels[..., None] if pixels.ndim == 2 else pixels
         factor = np.array(self.gain, dtype=np.float32) if factors is None else factors
-        factor = factor[..., : planes.shape[2]]
+        factor = np.broadcast_to(factor[..., : planes.shape[2]], planes.shape)
         black = np.float32(self.black)
         white = np.float32(np.iinfo(pixels.dtype).max) - black
-        starts = np.float32(self.shoulder) * white * np.minimum(factor, np.float32(1))
-        factor, starts = (np.broadcast_to(each, planes.shape) for each in (factor, starts))
-        toned = planes.astype(np.float32)
-        # Most photographs have no black level, and each step is a pass over all pixels.
-        if black:
-            toned -= black
-        toned *= factor
-        bright = toned > starts
-        if bright.any():
-            start = starts[bright]
+        toned = np.empty_like(planes)
+        # Each step is a pass over all pixels, so few rows at a time, which a processor's cache holds.
+        for top in range(0, len(planes), STRIP_PX):
+            rows = slice(top, top + STRIP_PX)
+            gain, straight = (each[rows].astype(np.float32).reshape(1, -1) for each in (factor, planes))
+            straight = (straight - black) * gain
+            start = np.float32(self.shoulder) * white * cv2.min(gain, 1.0)
             room = white - start
-            above = (toned[bright] - start) / room
-            # a / (1 + c a) has slope 1 where the shoulder begins, and this c takes white to white.
-            above_at_white = (white * factor[bright] - start) / room
-            toned[bright] = start + room * above / (1 + above * (1 - 1 / above_at_white))
-        if black:
-            toned = np.maximum(toned + black, 0)
-        return np.asarray(np.rint(toned, out=toned), dtype=pixels.dtype).reshape(pixels.shape)
+            above = cv2.max(straight - start, 0.0) / room
+            if above.any():
+                # a / (1 + c a) has slope 1 where the shoulder begins, and this c takes white to white.
+                above_at_white = (white * gain - start) / room
+                bent = start + room * above / (1 + above * (1 - 1 / above_at_white))
+                cv2.copyTo(bent, (above > 0).view(np.uint8), straight)
+            toned[rows] = np.rint(cv2.max(straight + black, 0.0)).reshape(toned[rows].shape)
+        return toned.reshape(pixels.shape)
 
     def factors(self, size: tuple[int, int], part: Canvas, to_image: Array | None = None) -> Float32:
         """Factors on the intensities of a photograph of ``size`` in a part of the reference frame, (H, W, 1 or 3).
@@ -93,7 +93,7 @@ class Tone:
                 logs = logs + light.reshape(len(points), -1)
             return np.asarray(np.exp(logs))
 
-        return part.interpolate(FIELD_STEP_PX, compute)
+        return part.interpolate(compute, FIELD_STEP_PX)
 
 
 NEUTRAL = Tone()

@@ -90,7 +90,7 @@ class Canvas:
         x, y = self.x_px - other.x_px, self.y_px - other.y_px
         return slice(y, y + self.height_px), slice(x, x + self.width_px)
 
-    def interpolate(self, cell_px: int, compute: Callable[[Points], Array]) -> Float32:
+    def interpolate(self, compute: Callable[[Points], Array], cell_px: int = CELL_PX) -> Float32:
         """Values of pixels, (height, width, C), that change slowly; ``compute`` has those of points (N, 2), (N, C).
 
         They are computed in the middles of cells of the reference frame, the same ones for all rectangles, and are

@@ -98,7 +98,7 @@ class Placement:
     def shows_in(self, part: Canvas) -> bool:
         """Whether it shows in a part of the reference frame."""
         shown = self.footprint.intersection(part)
-        return shown is not None and (self.seam is None or self.seam.touches(shown))
+        return shown is not None and (self.seam is None or self.seam.shown_part(shown) is not None)
 
 
 @dataclass(frozen=True, eq=False)
