@@ -220,6 +220,11 @@ def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
             f"{len(differing)} pairs of photographs lie on each other and show different ground, "
             f"{len(set(differing) - linked)} of them without a link (most at {most}): look at the mosaic there"
         )
+    if len(repeated := layout.agreement.repeated) > len(layout.agreement.of(True)):
+        yield (
+            f"the ground repeats itself: {len(repeated)} of {len(layout.agreement.pairs)} pairs that overlap by half "
+            "look the same a step aside, so photographs may lie a step off: look at the mosaic"
+        )
     false, count = layout.contradicting, len(layout.links) + len(layout.contradicting)
     if len(false) > MAX_CONTRADICTING * count:
         ends = Counter(end for link in false for end in (link.left, link.right))

@@ -191,6 +191,13 @@ def test_ground_that_lies_on_other_ground_is_named_with_its_place() -> None:
         "(most at 2.jpg near 46.50000, 8.25000, 0.jpg, 1.jpg): look at the mosaic there"
     ]
     assert list(doubts(flight, replace(layout, agreement=layout.agreement.without({2})))) == []
+    repeated = replace(agrees, repeats=True)
+    assert list(doubts(flight, replace(layout, agreement=Agreement({(0, 1): agrees, (0, 2): repeated})))) == []
+    both = Agreement({(0, 1): agrees, (0, 2): repeated, (1, 2): repeated})
+    assert list(doubts(flight, replace(layout, agreement=both))) == [
+        "the ground repeats itself: 2 of 3 pairs that overlap by half look the same a step aside, so photographs may "
+        "lie a step off: look at the mosaic"
+    ]
 
 
 SIZE_M, CELL_M = np.array([80.0, 60.0]), 0.25

@@ -93,6 +93,16 @@ def test_agreement_is_recognised_within_reach() -> None:
     assert measure_agreement(views, aside(0, 40 + 60)).numbers["agree"] == 0
 
 
+def test_ground_that_repeats_itself_tells_nothing_by_what_is_the_same() -> None:
+    facade = np.tile(noise(0)[:80, :80], (3, 5))
+    other = cv2.addWeighted(facade, 0.85, noise(1), 0.15, 0)
+    same, aside_by = (GroundOfPair(9, 9, 1.0, 0, each) for each in (False, True))
+    assert (same.agrees, aside_by.agrees, replace(aside_by, same=1).agrees) == (True, None, False)
+    found = measure_agreement(seen(facade[:, :320], other[:, 40:360], noise(0)[:, 20:340]), aside(0, 80, 40))
+    assert found.repeated == found.of(None) == [(0, 1)]
+    assert found.pairs[0, 1].same > 10
+
+
 def test_photographs_of_one_place_are_compared_with_some_of_the_others() -> None:
     many = 2 * MAX_COMPARED
     found = measure_agreement(seen(*[noise(0)[:, :320]] * many), aside(*[0] * many))
