@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from golden_model.arrays import Float32, Intensities
 from skymosaic.compositing.layer import Layer
+from skymosaic.compositing.tone import round_to
 from skymosaic.compositing.warp import Canvas
 
 Blending = Literal["average", "distance", "multiband"]
@@ -59,7 +60,7 @@ def _blend_average(layers: Sequence[Layer], tile: Canvas, *, by_distance: bool) 
         total[where] += layer.pixels(part) * _per_channel(weight, total)
         total_weight[where] += weight
         _claim(owner[where], largest[where], index, weight)
-    return _round(_divide(total, total_weight), layers[0].image.dtype), owner
+    return round_to(_divide(total, total_weight), layers[0].image.dtype), owner
 
 
 def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Owners]:
@@ -90,12 +91,12 @@ def _blend_bands(layers: Sequence[Layer], tile: Canvas) -> tuple[Intensities, Ow
         cv2.copyTo(next(bands), shown[where].astype(np.uint8), finest[where])
         for total, total_weight, band in zip(coarser, weights, bands, strict=True):
             weight, where = cv2.pyrDown(weight), _halved(where)
-            total[where] += band * _per_channel(weight, band)
+            cv2.accumulateProduct(band, _per_channel(weight, band), total[where])
             total_weight[where] += weight
     blended = _join_bands(finest, coarser, weights)
     blended[owner < 0] = 0
     inside = tile.within(around)
-    return _round(blended[inside], layers[0].image.dtype), owner[inside]
+    return round_to(blended[inside], layers[0].image.dtype), owner[inside]
 
 
 def _split_bands(image: Float32) -> Iterator[Float32]:
@@ -162,8 +163,3 @@ def _divide(total: Float32, weight: Float32) -> Float32:
 def _per_channel(plane: Float32, pixels: Float32) -> Float32:
     """Repeat a plane for each channel of ``pixels``, because broadcasting multiplies three times slower."""
     return plane if pixels.ndim == 2 else np.asarray(cv2.merge([plane] * pixels.shape[2]), dtype=np.float32)
-
-
-def _round(values: Float32, kind: np.dtype[np.uint8 | np.uint16]) -> Intensities:
-    """Round to whole numbers of the photographs' type, which saturate."""
-    return np.asarray(np.rint(np.clip(values, 0, np.iinfo(kind).max)), dtype=kind)

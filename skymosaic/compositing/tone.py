@@ -58,8 +58,7 @@ class Tone:
         white = np.float32(np.iinfo(pixels.dtype).max) - black
         toned = np.empty_like(planes)
         # Each step is a pass over all pixels, so few rows at a time, which a processor's cache holds.
-        for top in range(0, len(planes), STRIP_PX):
-            rows = slice(top, top + STRIP_PX)
+        for rows in (slice(top, top + STRIP_PX) for top in range(0, len(planes), STRIP_PX)):
             gain, straight = (each[rows].astype(np.float32).reshape(1, -1) for each in (factor, planes))
             straight = (straight - black) * gain
             start = np.float32(self.shoulder) * white * cv2.min(gain, 1.0)
@@ -70,7 +69,7 @@ class Tone:
                 above_at_white = (white * gain - start) / room
                 bent = start + room * above / (1 + above * (1 - 1 / above_at_white))
                 cv2.copyTo(bent, (above > 0).view(np.uint8), straight)
-            toned[rows] = np.rint(cv2.max(straight + black, 0.0)).reshape(toned[rows].shape)
+            toned[rows] = round_to(straight + black, pixels.dtype).reshape(toned[rows].shape)
         return toned.reshape(pixels.shape)
 
     def factors(self, size: tuple[int, int], part: Canvas, to_image: Array | None = None) -> Float32:
@@ -97,6 +96,11 @@ class Tone:
 
 
 NEUTRAL = Tone()
+
+
+def round_to(values: Float32, kind: np.dtype[np.uint8 | np.uint16]) -> Intensities:
+    """Round to whole numbers of the photographs' type, which saturate."""
+    return np.asarray(cv2.add(values, (0, 0, 0, 0), dtype=cv2.CV_8U if kind == np.uint8 else cv2.CV_16U), dtype=kind)
 
 
 def shading_terms(points: Array, size: tuple[int, int]) -> Array:
