@@ -31,7 +31,7 @@ from skymosaic.running.workers import Workers
 
 MEMORY_BYTES = 1 << 30
 """Default limit of the decoded photographs a process keeps."""
-BAND_REACH_PX = 160
+BAND_REACH_PX = 128
 """Photographs farther than this from a tile do not change it: the margin of the widest band."""
 
 
