@@ -59,7 +59,7 @@ def test_a_photograph_that_others_make_up_for_shows_nothing(flight: Flight, surv
 
 def test_a_tile_needs_what_lies_within_the_reach_of_blending() -> None:
     tile = Canvas(0, 0, 100, 100)
-    shifts = [(259, 0), (260, 0), (0, 259), (0, 260), (-223, 0), (-224, 0)]
+    shifts = [(227, 0), (228, 0), (0, 227), (0, 228), (-191, 0), (-192, 0)]
     placements = tuple(
         Placement(
             Source(row, str(row), np.zeros((64, 64), np.uint8)), (64, 64), np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
