@@ -98,6 +98,7 @@ def test_ground_that_repeats_itself_tells_nothing_by_what_is_the_same() -> None:
     other = cv2.addWeighted(facade, 0.85, noise(1), 0.15, 0)
     same, aside_by = (GroundOfPair(9, 9, 1.0, 0, each) for each in (False, True))
     assert (same.agrees, aside_by.agrees, replace(aside_by, same=1).agrees) == (True, None, False)
+    assert replace(same, same=2, recognised=10).agrees
     found = measure_agreement(seen(facade[:, :320], other[:, 40:360], noise(0)[:, 20:340]), aside(0, 80, 40))
     assert found.repeated == found.of(None) == [(0, 1)]
     assert found.pairs[0, 1].same > 10
