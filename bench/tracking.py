@@ -4,8 +4,8 @@
 
 A cell has the share of frames, in percent, in which the outline has an IoU of more than 0.5 with the true one, of those
 that show all of the object; and in brackets the number of frames with an outline in a wrong place: it has nothing in
-common with the true one, or the object is not seen. KLT follows corners from frame to frame, and moves the outline by a
-similarity; SIFT finds the rectangle of the first frame by MAGSAC. Both need 8 inliers.
+common with the true one, or the object is not seen. SIFT finds the rectangle of the first frame by MAGSAC, and needs 8
+inliers.
 """
 
 import math
@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from typing import Annotated
 
 import cv2
@@ -151,30 +150,6 @@ def follow_by_filter(create: Callable[[], cv2.Tracker], video: TrackingVideo) ->
         yield outline(Roi(*box)) if found else None
 
 
-def follow_by_flow(video: TrackingVideo) -> Outlines:
-    """Lucas and Kanade's tracker; as in most programs, nothing finds an object that was lost."""
-    corners: Array | None = outline(video.roi)
-    yield corners
-    for before, now in pairwise(map(_gray, video.frames)):
-        corners = None if corners is None else _flow(before, now, corners)
-        yield corners
-
-
-def _flow(before: Pixels, now: Pixels, corners: Array) -> Array | None:
-    """The outline ``corners`` (4, 2) in the next frame."""
-    mask = cv2.fillConvexPoly(np.zeros_like(before), np.rint(corners).astype(np.int32), 255)
-    start = cv2.goodFeaturesToTrack(before, 200, 0.01, 4, mask=mask)
-    if start is None:
-        return None
-    there, arrives, _ = cv2.calcOpticalFlowPyrLK(before, now, start, None)
-    back, returns, _ = cv2.calcOpticalFlowPyrLK(now, before, there, None)
-    kept = (arrives & returns).ravel().astype(bool) & (np.linalg.norm(back - start, axis=2).ravel() < 1)
-    if kept.sum() < MIN_INLIERS:
-        return None
-    matrix, inliers = cv2.estimateAffinePartial2D(start[kept], there[kept], ransacReprojThreshold=TOLERANCE_PX)
-    return cv2.transform(corners[None], matrix)[0] if inliers.sum() >= MIN_INLIERS else None
-
-
 def follow_by_sift(video: TrackingVideo) -> Outlines:
     """SIFT's features in the rectangle of the first frame, and a homography to each frame."""
     points, words = sift_words(_gray(video.frames[0]), FEATURES)
@@ -195,7 +170,6 @@ TRACKERS: dict[str, Callable[[TrackingVideo], Outlines]] = {
     "skymosaic": follow,
     "CSRT": lambda video: follow_by_filter(cv2.TrackerCSRT.create, video),
     "KCF": lambda video: follow_by_filter(cv2.TrackerKCF.create, video),
-    "KLT": follow_by_flow,
     "SIFT": follow_by_sift,
 }
 
