@@ -222,12 +222,6 @@ def _count_false(network: Network, transforms: Array) -> int:
     return sum(not float(np.median(error)) <= FALSE_LINK_PX for error in network.errors_px(transforms))
 
 
-def rough_transforms(views: Sequence[View], members: Sequence[int], links: Sequence[Link]) -> dict[int, Array]:
-    """Similarities, as `Layout.transforms`, exact enough to predict which views overlap."""
-    group = linked_group(views, members, links)
-    return group.to_ground(group.start)
-
-
 def _choose_model(group: LinkedGroup) -> tuple[str, str, Array]:
     """The simplest model that is about as good as the best, the reason, and its transformations.
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -24,6 +24,8 @@ ANNEALED_TIES_PER_LINK = 20
 """Enough to see which links hold together."""
 MAX_TIES_PER_LINK = 200
 """More ties per link change a layout by less than it is off, but take longer."""
+# Pairs are predicted, a lens is estimated and a layout is made from the start of the same group.
+_collect = lru_cache(maxsize=1)(lambda sizes, links, row: LinkedGroup(dict(sizes), links, row))
 
 
 def groups(count: int, links: Sequence[Link]) -> list[list[int]]:
@@ -179,7 +181,7 @@ def linked_group(
 ) -> LinkedGroup:
     """Collect the sizes and ties of some of the views of a flight; ``reference`` is the view that stays, None: any."""
     row = None if reference is None else list(members).index(reference)
-    return LinkedGroup({member: views[member].working_size for member in members}, links, row)
+    return _collect(tuple((member, views[member].working_size) for member in members), tuple(links), row)
 
 
 def normalisation(size: tuple[int, int]) -> Array:

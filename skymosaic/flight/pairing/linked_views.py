@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from golden_model.arrays import Array
-from skymosaic.flight.layout.layout import rough_transforms
-from skymosaic.flight.layout.linked_group import groups
+from skymosaic.flight.layout.linked_group import groups, linked_group
 from skymosaic.flight.linking.links import Candidate, Link, valid_links
 from skymosaic.flight.linking.surveyor import Surveyor
 from skymosaic.flight.linking.view import View
@@ -60,9 +59,10 @@ def _add_predicted(surveyor: Surveyor, views: Sequence[View], links: dict[Candid
 
 
 def rough_layouts(views: Sequence[View], links: Mapping[Candidate, Link]) -> list[dict[int, Array]]:
-    """Roughly lay out each group of more than two views: its transformations to the ground.
+    """Lay out each group of more than two views by similarities, exact enough to predict which of them overlap.
 
     Of two, the only link tells all, so a layout could neither predict another nor judge this one.
     """
     valid = valid_links(links)
-    return [rough_transforms(views, part, valid) for part in groups(len(views), valid) if len(part) > 2]
+    linked = [linked_group(views, part, valid) for part in groups(len(views), valid) if len(part) > 2]
+    return [group.to_ground(group.start) for group in linked]
