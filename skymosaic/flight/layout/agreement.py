@@ -225,10 +225,10 @@ def find_false_joint(
         return None
     between, share = pairs[across].tolist(), different / known
     held = [tried[left, right].holds for left, right in between if (left, right) in tried]
-    differ = sum(agreement.pairs[left, right].agrees is False for left, right in between)
+    where = np.count_nonzero(counts[across, 0])
     return part, (
-        f"the ground contradicts: across them {share:.0%} of what photographs recognise is not there, {differ} of "
-        f"{len(between)} pairs that overlap by half disagree, and {held.count(False)} of {len(held)} tried do not hold"
+        f"the ground contradicts: across them {share:.0%} of what photographs recognise is not there, in {where} of "
+        f"{len(between)} pairs that overlap by half, and {held.count(False)} of {len(held)} tried do not hold"
     )
 
 
