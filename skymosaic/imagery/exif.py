@@ -47,16 +47,11 @@ _EARTH_RADIUS_M = 6_371_000
 
 @dataclass(frozen=True)
 class Position:
-    """A position on the WGS 84 ellipsoid.
-
-    Attributes
-    ----------
-    latitude_deg, longitude_deg : float
-        Positive to the north and to the east.
-    """
+    """A position on the WGS 84 ellipsoid."""
 
     latitude_deg: float
     longitude_deg: float
+    """Positive to the north and to the east."""
 
     @property
     def degrees(self) -> tuple[float, float]:
@@ -73,42 +68,28 @@ class Position:
 
 @dataclass(frozen=True)
 class Metadata:
-    """What a camera wrote about a photograph; None where it wrote nothing valid.
-
-    Attributes
-    ----------
-    position : Position or None
-        From GPS in EXIF, or in DJI's XMP.
-    focal_half_diagonals : float or None
-        Focal length as a multiple of half the image's diagonal.
-    yaw_deg : float or None
-        Direction of the photograph's top, clockwise from north.
-    height_m : float or None
-        Height above the place of take-off.
-    black_level : float or None
-        The sensor's count without light, in the file's own numbers.
-    accuracy_m : float or None
-        Horizontal standard deviation of the position, from RTK.
-    gps_fault : str
-        Why what GPS wrote is no position; empty if it is one, or there is nothing.
-    time : str
-        When it was taken by the camera's clock, "2026-05-01 10:20:30"; empty if that is not known.
-    camera : str
-        Make and model; empty if they are not known.
-    own_position : Position or None
-        The one that the camera wrote, where a file's has taken its place.
-    """
+    """What a camera wrote about a photograph; None where it wrote nothing valid."""
 
     position: Position | None = None
+    """From GPS in EXIF, or in DJI's XMP."""
     focal_half_diagonals: float | None = None
+    """Focal length as a multiple of half the image's diagonal."""
     yaw_deg: float | None = None
+    """Direction of the photograph's top, clockwise from north."""
     height_m: float | None = None
+    """Height above the place of take-off."""
     black_level: float | None = None
+    """The sensor's count without light, in the file's own numbers."""
     accuracy_m: float | None = None
+    """Horizontal standard deviation of the position, from RTK."""
     gps_fault: str = ""
+    """Why what GPS wrote is no position; empty if it is one, or there is nothing."""
     time: str = ""
+    """When it was taken by the camera's clock, "2026-05-01 10:20:30"; empty if that is not known."""
     camera: str = ""
+    """Make and model; empty if they are not known."""
     own_position: Position | None = None
+    """The one that the camera wrote, where a file's has taken its place."""
 
 
 def read_metadata(path: Path) -> Metadata:
@@ -225,7 +206,11 @@ def on_globe(latitude_deg: float, longitude_deg: float) -> Position | None:
 def _degrees(parts: tuple[Any, Any, Any], hemisphere: str, signs: Mapping[str, int]) -> float:
     degrees, minutes, seconds = map(float, parts)
     # Cameras write lower case, the whole word, or a zero byte behind it.
-    return signs[hemisphere.strip()[0].upper()] * (degrees + minutes / 60 + seconds / 3600)
+    sign = signs[hemisphere.strip()[0].upper()]
+    # Programs repeat it in the numbers, which have none in EXIF.
+    if degrees < 0 < sign:
+        raise ValueError("minus to the north or east")
+    return sign * (abs(degrees) + abs(minutes) / 60 + abs(seconds) / 3600)
 
 
 def _focal(details: Mapping[int, Any]) -> float | None:

@@ -6,6 +6,7 @@ import pytest
 from PIL import Image, TiffImagePlugin
 from PIL.ExifTags import IFD, Base
 
+from skymosaic.imagery import exif as read
 from skymosaic.imagery.exif import Metadata, Position, describe_days, explain_missing_gps, on_globe, read_metadata
 
 SOUTH_WEST = {1: "S", 2: (33.0, 30.0, 0.0), 3: "W", 4: (70.0, 15.0, 0.0)}
@@ -31,6 +32,7 @@ def test_gps_and_focal_length_are_read_from_exif(tmp_path: Path) -> None:
     assert record.position.latitude_deg == pytest.approx(-33.51, abs=1e-8)
     assert record.position.longitude_deg == pytest.approx(-70.25)
     assert metadata(tmp_path) == Metadata()
+    assert [read._position(SOUTH_WEST | {1: s, 2: (-33, 30, 0)})[0] for s in "SN"] == [Position(-33.5, -70.25), None]
 
 
 @pytest.mark.parametrize(
