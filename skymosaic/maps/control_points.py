@@ -1,6 +1,7 @@
 """Ground control points: surveyed places that photographs show."""
 
 import cmath
+import contextlib
 import math
 import re
 from collections.abc import Sequence
@@ -109,18 +110,15 @@ def load_control_points(path: Path) -> ControlPoints:
 
 def _parse_line(path: Path, number: int, line: str) -> tuple[tuple[float, float, float], tuple[float, float], str, str]:
     """The coordinates of a point, its pixel, the photograph and the point's name, which may be empty."""
-    *numbers, names = line.split(maxsplit=5)
-    try:
+    with contextlib.suppress(ValueError):
+        *numbers, names = line.split(maxsplit=5)
         x, y, z, column, row = map(float, numbers)
-        finite = bool(np.isfinite((x, y, z, column, row)).all())
-    except ValueError:
-        finite = False
-    if not finite:
-        raise InputError(
-            f"{path}: line {number} is {line!r}; it must be: x y z, pixel x and y, photograph, and perhaps a name"
-        )
-    photograph, name = split_name(names)
-    return (x, y, z), (column, row), photograph, " ".join(name.split()[:1])
+        if np.isfinite((x, y, z, column, row)).all():
+            photograph, name = split_name(names)
+            return (x, y, z), (column, row), photograph, " ".join(name.split()[:1])
+    raise InputError(
+        f"{path}: line {number} is {line!r}; it must be: x y z, pixel x and y, photograph, and perhaps a name"
+    )
 
 
 def split_name(text: str) -> tuple[str, str]:

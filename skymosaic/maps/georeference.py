@@ -13,7 +13,7 @@ import numpy as np
 import rasterio
 import rasterio.errors
 import rasterio.warp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from rasterio._err import CPLE_BaseError
 
 from golden_model.arrays import Array, Matrix, Points
@@ -47,6 +47,9 @@ EXACT_M = 1e-6
 """No position is known better."""
 CONFIDENCE = 0.95
 """Share of cases in which the scale is true within what is said of it."""
+MIRRORED = "; mirrored, they fit: check the signs (S, W), the order of x and y, and whether photographs are mirrored"
+MUCH_BETTER = 0.1
+"""Positions are mirrored if that leaves a smaller share of their offsets; some three that are right have 0.2."""
 ROUNDING = 1e-9
 WORST_NAMED = 5
 GDAL_CACHE_BYTES = 64 << 20
@@ -73,7 +76,7 @@ class Georeference:
     @property
     def residual_of_all_m(self) -> float:
         """Root mean square distance of all positions from their places on the map, those left out included."""
-        return float(np.sqrt(np.nanmean(np.square(self.offsets_m))))
+        return _rms(self.offsets_m)
 
     @property
     def metres_per_pixel(self) -> float:
@@ -179,23 +182,19 @@ def fit_to_map(
         return None, f"{len(known)} of {len(points)} photographs have GPS; {fewest} are needed"
     # Rows count downwards and north points up. A similarity cannot mirror, so y is negated before the fit.
     upright, targets = points[known] * [1.0, -1.0], metres[known]
-    try:
-        agreeing, similarity = _fit_agreeing(upright, targets, np.broadcast_to(tolerances_m, len(points))[known])
-    except DegenerateError:
-        return None, "the positions coincide or do not fit the layout at all"
-    if not (step_m := math.hypot(*similarity[:2, 0])) > MIN_GSD_M:
-        return None, f"{step_m:.1g} m per pixel is finer than any photograph; check the unit of the coordinates"
-    offsets = transfer_error(similarity, upright, targets)
-    residual = float(np.sqrt(np.mean(offsets[agreeing] ** 2)))
-    spread = _spread(targets[agreeing])
-    if spread < MIN_SPREAD_M:
-        return None, f"the positions spread over {spread:.2g} m, too little for a map; check their unit"
-    if refusal := _explain_refusal(agreeing, offsets, residual, spread):
+    tolerances_m = np.broadcast_to(tolerances_m, len(points))[known]
+    agreeing, similarity, offsets, refusal = _fit_most(upright, targets, tolerances_m)
+    _, _, offsets_mirrored, refusal_mirrored = _fit_most(upright * [-1.0, 1.0], targets, tolerances_m)
+    # Few positions may fit either way, as those of a straight strip do: then one way is not so much better.
+    if not refusal and not refusal_mirrored and _rms(offsets_mirrored) + EXACT_M < MUCH_BETTER * _rms(offsets):
+        refusal = f"positions and layout differ by {offsets.max():.1f} m at most"
+    if refusal:
         farthest = known[np.argsort(-offsets)][:WORST_NAMED].tolist()
         worst = ", ".join(str(index) if names is None else names[index] for index in farthest)
-        return None, f"{refusal}; farthest off: {worst}"
+        return None, f"{refusal}{worst and f'; farthest off: {worst}'}{'' if refusal_mirrored else MIRRORED}"
     all_offsets = np.full(len(points), np.nan)
     all_offsets[known] = offsets
+    residual = _rms(offsets[agreeing])
     to_map = similarity @ np.diag([1.0, -1.0, 1.0])
     disagreeing = tuple(known[~agreeing].tolist())
     lags = LAGS if in_time else LAGS[:1]
@@ -259,19 +258,33 @@ def _fit_drifting(z: Points, w: Points, steps: NDArray[np.intp], lag: float) -> 
     return complex(found[1]), float(sigma), float(likelihood - free / 2 * np.log(squares))
 
 
-def _explain_refusal(agreeing: NDArray[np.bool_], offsets: Array, residual: float, spread: float) -> str:
-    """Why a fit is none; empty if it is one."""
+def _fit_most(points: Points, targets: Points, tolerances_m: Array) -> tuple[NDArray[np.bool_], Array, Array, str]:
+    """Which positions agree, their similarity, all offsets, and why this is no fit; that is empty if it is one.
+
+    There are no offsets where none of the positions is to blame.
+    """
+    try:
+        agreeing, similarity = _fit_agreeing(points, targets, tolerances_m)
+    except DegenerateError:
+        return np.zeros(0, bool), np.eye(3), np.zeros(0), "the positions coincide or do not fit the layout at all"
+    offsets, spread, refusal = transfer_error(similarity, points, targets), _spread(targets[agreeing]), ""
+    if not (step_m := math.hypot(*similarity[:2, 0])) > MIN_GSD_M:
+        refusal = f"{step_m:.1g} m per pixel is finer than any photograph; check the unit of the coordinates"
+    elif spread < MIN_SPREAD_M:
+        refusal = f"the positions spread over {spread:.2g} m, too little for a map; check their unit"
+    if refusal:
+        return agreeing, similarity, np.zeros(0), refusal
     if (~agreeing).mean() > MAX_DISAGREEING:
-        return (
+        refusal = (
             f"{(~agreeing).sum()} of {len(agreeing)} positions, more than a third, disagree with the others, "
             f"by {offsets[~agreeing].min():.1f} to {offsets.max():.1f} m"
         )
-    if residual > MAX_RESIDUAL * spread:
-        return (
+    elif _rms(offsets[agreeing]) > MAX_RESIDUAL * spread:
+        refusal = (
             f"positions and layout differ by {np.median(offsets):.1f} m in the median and {offsets.max():.1f} m at "
             f"most, too much for a spread of {spread:.1f} m"
         )
-    return ""
+    return agreeing, similarity, offsets, refusal
 
 
 def _pairs(count: int) -> Array:
@@ -285,7 +298,12 @@ def _pairs(count: int) -> Array:
 
 def _spread(points: Points) -> float:
     """Root mean square distance from the centroid."""
-    return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
+    return _rms(np.linalg.norm(points - points.mean(axis=0), axis=1))
+
+
+def _rms(offsets: ArrayLike) -> float:
+    """Root mean square, without NaN."""
+    return float(np.sqrt(np.nanmean(np.square(offsets))))
 
 
 def _fit_agreeing(points: Points, targets: Points, tolerances_m: Array) -> tuple[NDArray[np.bool_], Array]:

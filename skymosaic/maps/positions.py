@@ -1,5 +1,6 @@
 """Positions of cameras from a file, instead of those that the photographs contain."""
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,13 +84,9 @@ def load_positions(path: Path) -> Positions:
 def _parse_line(path: Path, number: int, line: str) -> tuple[str, tuple[float, float], float | None]:
     """The photograph's name, its x and y, and the accuracy, which may be missing."""
     name, rest = split_name(line)
-    try:
+    with contextlib.suppress(ValueError):
         numbers = [float(each) for each in rest.split()[: ACCURACY_COLUMN + 1]]
-        x, y = numbers[:2]
-        accuracy_m = numbers[ACCURACY_COLUMN] if len(numbers) > ACCURACY_COLUMN else None
-        valid = bool(np.isfinite(numbers).all()) and (accuracy_m is None or accuracy_m >= 0)
-    except ValueError:
-        valid = False
-    if not valid:
-        raise InputError(f"{path}: line {number} is {line!r}; it must be: photograph, x, y, and perhaps more numbers")
-    return name, (x, y), accuracy_m or None
+        (x, y), accuracy_m = numbers[:2], sum(numbers[ACCURACY_COLUMN:])
+        if np.isfinite(numbers).all() and accuracy_m >= 0:
+            return name, (x, y), accuracy_m or None
+    raise InputError(f"{path}: line {number} is {line!r}; it must be: photograph, x, y, and perhaps more numbers")

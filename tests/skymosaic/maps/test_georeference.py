@@ -106,7 +106,7 @@ def test_too_few_positions_are_counted(known: int, count: int, fewest: int) -> N
     assert fit_to_map(places, metres, "EPSG:32615") == (None, says)
 
 
-@pytest.mark.parametrize("degrees", [0, 1e-4, 30, 90, 150, 180, -30])
+@pytest.mark.parametrize("degrees", [0, 1e-10, 1e-4, 30, 90, 150, 180, -30])
 def test_other_pixels_keep_the_turn_of_the_map(degrees: float) -> None:
     cos, sin = 0.05 * np.cos(np.radians(degrees)), 0.05 * np.sin(np.radians(degrees))
     place = Georeference("EPSG:32615", np.array([[cos, sin, 4e5], [sin, -cos, 5e6], [0, 0, 1]]), 0.1)
@@ -114,16 +114,8 @@ def test_other_pixels_keep_the_turn_of_the_map(degrees: float) -> None:
     corner = np.array([30.0, 20, 1])
     np.testing.assert_allclose(reduced.to_map @ corner, place.to_map @ (4 * corner + [1.5, 1.5, -3]), atol=1e-9)
     assert reduced.metres_per_pixel == pytest.approx(0.2)
-
-
-def test_rounding_errors_do_not_turn_a_map_with_north_up() -> None:
-    place = Georeference("EPSG:32615", np.array([[0.05, 1e-13, 4e5], [-1e-13, -0.05, 5e6], [0, 0, 1]]), 0.1)
-    same = place.for_pixels(np.eye(3)).to_map
-    assert same[0, 1] == same[1, 0] == 0
-    assert same[0, 0] == -same[1, 1] == pytest.approx(0.05)
-
-
-NAN = (np.nan, np.nan)
+    # Rounding errors turn no map with north up.
+    assert (reduced.to_map[0, 1] == reduced.to_map[1, 0] == 0) == (abs(degrees) < 1e-9)
 
 
 @pytest.mark.parametrize("kind", ["strip", "anywhere", "hemisphere", "drift"])
@@ -154,10 +146,11 @@ def test_positions_that_are_off_by_one_vector_are_named(kind: str, share: float)
 @pytest.mark.parametrize(
     ("metres", "message"),
     [
-        ([NAN, NAN, (0, 0), (0, 1000)], "2 of 4"),
+        ([*[(np.nan, 0)] * 2, (0, 0), (0, 1000)], "2 of 4"),
         ([(5, 5)] * 4, "coincide"),
         ([(0, 0), (0, 1000), (0, 0), (0, 1000)], "do not fit|too much"),
         ([(0, 0), (0, 1000), (0, 0), (100, 0)], "too much"),
+        ([(0, 0), (0, 1000), (1000, 1000), (1000, 0)], "mirrored, they fit: check"),
     ],
 )
 def test_positions_that_do_not_determine_the_map_are_refused(metres: list[Any], message: str) -> None:
@@ -165,6 +158,15 @@ def test_positions_that_do_not_determine_the_map_are_refused(metres: list[Any], 
     place, reason = fit_to_map(places, np.array(metres, dtype=np.float64), "EPSG:32615")
     assert place is None
     assert any(part in reason for part in message.split("|"))
+
+
+@pytest.mark.parametrize(("count", "flat"), [(4, 1.0), (20, 0.1)])
+def test_positions_that_fit_far_better_mirrored_are_refused(count: int, flat: float) -> None:
+    """Axes swapped, or a sign missing; where GPS is not exact enough to tell, a strip is right either way."""
+    places, metres = (each * [1, flat] for each in scattered(count, 0.02))
+    assert "; mirrored, they fit: check the signs" in fit_to_map(places, metres[:, ::-1], "EPSG:32615")[1]
+    for right in (metres, metres + np.random.default_rng(0).normal(0, 3, metres.shape)):
+        assert fit_to_map(places, right, "EPSG:32615")[0] is not None
 
 
 def test_of_too_many_that_are_off_the_worst_are_named_first() -> None:
