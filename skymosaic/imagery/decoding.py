@@ -151,7 +151,9 @@ def read_header(path: Path, min_side_px: int = MIN_FRAME_PX) -> Header:
             pages = _count_pages(header)
             declared = Header(kind, size, orientation, *sizes, transparent, gray, nodata, pages, premultiplied, profile)
     except UnidentifiedImageError:
-        raise InputError(f"{path}: not an image that can be read; give PNG, JPEG, or TIFF of gray or RGB") from None
+        raise InputError(
+            f"{path}: not an image that can be read; give PNG, JPEG, or TIFF of gray or RGB, 8 or 16 bits"
+        ) from None
     except (PillowImage.DecompressionBombError, PillowImage.DecompressionBombWarning):
         raise InputError(f"{path}: larger than {MAX_AREA_PX // 1_000_000} megapixels; reduce it first") from None
     except OSError as error:

@@ -142,7 +142,7 @@ def read_lines(path: Path, what: str) -> list[tuple[int, str]]:
         text = read_small_file(path, MAX_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read ({reason}); give a text file of {what}") from None
+        raise InputError(f"{path}: cannot be read ({reason}); give a text file of {what}, in UTF-8") from None
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
     lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
     if len(lines) < 2:

@@ -277,7 +277,7 @@ def _fit_to_clicks(control: ControlPoints, flight: Flight, layout: Layout, *, as
         in_time=bool(control.tried),
     )
     if georeference is None:
-        return MapPlace(note=f"{reason}; check the coordinates and pixels")
+        return MapPlace(note=f"{reason}; check pixels, coordinates and their order (east comes first)")
     return MapPlace(
         georeference=georeference,
         fitted_to=names,

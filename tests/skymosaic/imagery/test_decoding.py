@@ -38,7 +38,7 @@ def write_raster(path: Path, values: NDArray[Any], mask: NDArray[np.bool_] | Non
 
 BAD: dict[str, Callable[[Path], object]] = {
     "not an image": lambda path: path.write_text("no picture at all, only words " * 10),
-    "give PNG, JPEG, or TIFF of gray or RGB": lambda path: write_raster(path, np.zeros((5, 96, 128), np.uint8)),
+    "TIFF of gray or RGB, 8 or 16 bits": lambda path: write_raster(path, np.zeros((5, 96, 128), np.uint8)),
     "empty": lambda path: path.touch(),
     "too small": lambda path: cv2.imwrite(str(path), photograph(10, 10)),
     "truncated": lambda path: path.write_bytes(cv2.imencode(".png", photograph())[1].tobytes()[:-3000]),

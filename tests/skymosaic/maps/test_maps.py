@@ -62,7 +62,7 @@ def test_a_file_that_cannot_be_read_is_named_with_the_reason(tmp_path: Path) -> 
     (tmp_path / "latin.txt").write_bytes("EPSG:32610\n1 2 3 1 1 Höhe.jpg".encode("latin-1"))
     for name, reason in (("latin.txt", "'utf-8' codec can't decode"), ("none.txt", "No such file or directory")):
         with pytest.raises(
-            InputError, match=rf"{name}: cannot be read \({reason}.*; give a text file of control points"
+            InputError, match=rf"{name}: cannot be read \({reason}.*; give a text file of control points, in UTF-8"
         ):
             load_control_points(tmp_path / name)
 
