@@ -61,9 +61,9 @@ class Tone:
         for rows in (slice(top, top + STRIP_PX) for top in range(0, len(planes), STRIP_PX)):
             gain, straight = (each[rows].astype(np.float32).reshape(1, -1) for each in (factor, planes))
             straight = (straight - black) * gain
-            start = np.float32(self.shoulder) * white * cv2.min(gain, 1.0)
+            start = np.float32(self.shoulder) * white * np.minimum(gain, np.float32(1))
             room = white - start
-            above = cv2.max(straight - start, 0.0) / room
+            above = np.maximum(straight - start, np.float32(0)) / room
             if above.any():
                 # a / (1 + c a) has slope 1 where the shoulder begins, and this c takes white to white.
                 above_at_white = (white * gain - start) / room

@@ -188,7 +188,7 @@ def lay_out_all(
     parts: Sequence[list[int]],
     links: dict[Candidate, Link],
     link_nearby: Callable[[Layout], dict[Candidate, Link]],
-    look: Callable[[Mapping[int, Array]], Agreement],
+    look: Callable[[Mapping[int, Array], Sequence[Link]], Agreement],
 ) -> tuple[list[Layout], dict[int, str]]:
     """The layouts of all parts of a flight, and the views that are in none of them, with the reason if it is known.
 
@@ -211,7 +211,7 @@ def lay_out_all(
         if layout.fault:
             reasons |= dict.fromkeys(layout.members, layout.fault)
         elif len(layout.members) > 1:
-            agreement = look(layout.transforms)
+            agreement = look(layout.transforms, layout.links)
             # What is no plane looks different from each side.
             flat = layout.relief <= MAX_RELIEF
             if flat and (false := find_false_joint(agreement, layout.members, layout.links, links)):

@@ -220,11 +220,7 @@ def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
             f"{len(differing)} pairs of photographs lie on each other and show different ground, "
             f"{len(set(differing) - linked)} of them without a link (most at {most}): look at the mosaic there"
         )
-    if len(repeated := layout.agreement.repeated) > len(layout.agreement.of(True)):
-        yield (
-            f"the ground repeats itself: {len(repeated)} of {len(layout.agreement.pairs)} pairs that overlap by half "
-            "look the same a step aside, so photographs may lie a step off: look at the mosaic"
-        )
+    yield from _repeated(layout)
     false, count = layout.contradicting, len(layout.links) + len(layout.contradicting)
     if len(false) > MAX_CONTRADICTING * count:
         ends = Counter(end for link in false for end in (link.left, link.right))
@@ -249,6 +245,16 @@ def doubts(flight: Flight, layout: Layout) -> Iterator[str]:
     if far_off:
         more = f" and {len(far_off) - WORST_NAMED} more" if len(far_off) > WORST_NAMED else ""
         yield f"photographs are off: {', '.join(far_off[:WORST_NAMED])}{more}: look at the mosaic there"
+
+
+def _repeated(layout: Layout) -> Iterator[str]:
+    """A line where the ground looks the same elsewhere, unless loops of links, many and all closed, tell its place."""
+    closed = len(layout.links) >= 2 * len(layout.members) and not layout.contradicting
+    if len(repeated := layout.agreement.repeated) > len(layout.agreement.of(True)) and not closed:
+        yield (
+            f"the ground repeats itself: {len(repeated)} of {len(layout.agreement.pairs)} pairs that overlap by half "
+            "look the same a step aside, so photographs may lie a step off: look at the mosaic"
+        )
 
 
 def _weakly_linked(flight: Flight, layout: Layout) -> Iterator[str]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from golden_model.arrays import Array, Float32
+from golden_model.arrays import Array, Float32, Points
 from golden_model.pixel.gray import to_gray
 from skymosaic.flight.layout.extent import overlaps
 from skymosaic.flight.layout.linked_group import groups, join
@@ -86,7 +86,8 @@ class Agreement:
     @property
     def repeated(self) -> list[Candidate]:
         """The pairs that would agree as well if they lay elsewhere."""
-        return [pair for pair in self.of(None) if self.pairs[pair].repeats]
+        grounds = self.pairs
+        return [pair for pair in self.of(None) if grounds[pair].repeats and grounds[pair].recognised >= MIN_RECOGNISED]
 
     def without(self, absent: Collection[int]) -> "Agreement":
         """The same without some of the views."""
@@ -111,8 +112,8 @@ class Agreement:
         return f"{agree} of {told} pairs that overlap by half agree{share}{within}; {len(self.of(None))} cannot tell"
 
 
-def measure_agreement(views: Sequence[View], transforms: Mapping[int, Array]) -> Agreement:
-    """Compare the thumbnails of photographs where a layout lays them on each other."""
+def measure_agreement(views: Sequence[View], transforms: Mapping[int, Array], links: Sequence[Link] = ()) -> Agreement:
+    """Compare the thumbnails of photographs where a layout by some links lays them on each other."""
     over: dict[int, list[int]] = {}
     for (left, right), share in sorted(overlaps(views, transforms).items()):
         if share >= MIN_OVERLAP:
@@ -130,15 +131,20 @@ def measure_agreement(views: Sequence[View], transforms: Mapping[int, Array]) ->
         fits[one, other] = fit = _fit_patches(look(one), look(other), moved)
         recognised[other] = recognised.get(other, np.False_) | (fit[..., 0] > SAME)
     grounds = {}
+    ties = {(link.left, link.right): link.left_points for link in links}
+    ties |= {(link.right, link.left): link.right_points for link in links}
     for left, right in pairs:
-        known = np.concatenate([fits[left, right][recognised[right]], fits[right, left][recognised[left]]])
-        off_px = known[known[:, 0] > SAME, 1] / views[right].to_thumbnail[0, 0]
+        known, different = list[Array](), 0
+        for one, other in ((left, right), (right, left)):
+            fit, of_any, none = fits[one, other], recognised[other], np.zeros((0, 2))
+            known.append(fit[of_any & np.isfinite(fit[..., 0])])
+            there = apply(views[other].to_thumbnail, ties.get((other, one), none))
+            different += _count_different(fit[..., 0], of_any, there)
+        told = np.concatenate(known)
+        off_px = told[told[:, 0] > SAME, 1] / views[right].to_thumbnail[0, 0]
         median_px = float(np.median(off_px)) if len(off_px) else np.inf
-        told = known[np.isfinite(known[:, 0]), 0]
-        different = int((told < DIFFERENT).sum())
-        grounds[left, right] = GroundOfPair(
-            len(off_px), len(told), median_px, different, repeats(left) and repeats(right)
-        )
+        repeated = repeats(left) and repeats(right)
+        grounds[left, right] = GroundOfPair(len(off_px), len(told), median_px, different, repeated)
     return Agreement(grounds)
 
 
@@ -162,15 +168,28 @@ def _fit_patches(one: Float32, other: Float32, moved: Array) -> Array:
     return fits
 
 
+def _count_different(fits: Array, recognised: NDArray[np.bool_], ties: Points) -> int:
+    """Recognised patches with nothing in common, but for those amid the ties (N, 2): there, the ground has changed."""
+    rows, columns = np.nonzero((fits < DIFFERENT) & recognised)
+    if not len(ties):
+        return len(rows)
+    hull = cv2.convexHull(((ties - PATCH_PX / 2 - REACH_PX) / STEP_PX).astype(np.float32))
+    places = zip(columns.tolist(), rows.tolist(), strict=True)
+    return sum(cv2.pointPolygonTest(hull, place, measureDist=False) < 0 for place in places)
+
+
 def _repeats_itself(thumbnail: Float32) -> bool:
-    """Whether a band-passed thumbnail looks the same up to a third of itself aside."""
+    """Whether a band-passed thumbnail looks the same up to a third of itself aside.
+
+    What looks the same all the way there, as along a road, does not repeat.
+    """
     height, width = (side // 3 for side in thumbnail.shape)
     middle = thumbnail[height:-height, width:-width]
-    if middle.std() < MIN_CONTRAST:
+    if min(height, width) < REACH_PX or middle.std() < MIN_CONTRAST:
         return False
     fits = cv2.matchTemplate(thumbnail, middle, cv2.TM_CCOEFF_NORMED)
-    fits[height - REACH_PX : height + REACH_PX + 1, width - REACH_PX : width + REACH_PX + 1] = -1
-    return bool(fits.max() > REPEATED)
+    _, alike = cv2.connectedComponents((fits > SAME).astype(np.uint8))
+    return bool(fits[alike != alike[height, width]].max(initial=0) > REPEATED)
 
 
 def compare_sharpness(

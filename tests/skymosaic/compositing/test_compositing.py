@@ -205,6 +205,8 @@ def test_highlights_rise_to_white_and_nothing_else_becomes_white(gain: float) ->
     assert (np.diff(toned) >= 0).all()
     # Rounding may lift the last gray levels before white, but nothing that is clearly darker than white.
     assert toned[240] < 255
+    # A strip of one pixel, too.
+    assert Tone((gain,)).apply(RAMP[:, 239:].T)[:, 0].tolist() == toned[239:].tolist()
 
 
 def test_a_gain_makes_no_jump_and_leaves_black_and_white() -> None:

@@ -92,7 +92,7 @@ def test_links_that_a_layout_led_to_and_then_denies_are_dropped() -> None:
     layout = lay_out(views, range(5), list(links.values()))
     # View 4 hangs on one link, so that a link that contradicts it would put its place in doubt.
     nearby = {(0, 2): tie(0, 2), (1, 3): tie(1, 3), (2, 4): tie(2, 4, off_px=25)}
-    ((again,), _) = survey.lay_out_all(views, [list(range(5))], links, lambda _: nearby, lambda _: Agreement())
+    ((again,), _) = survey.lay_out_all(views, [list(range(5))], links, lambda _: nearby, lambda *_: Agreement())
     assert again.members == layout.members
     assert again.contradicting == ()
     assert links.keys() == {(0, 1), (1, 2), (2, 3), (3, 4), (0, 2), (1, 3)}
@@ -106,7 +106,7 @@ def test_what_no_plane_explains_is_left_out_with_the_reason_and_what_it_contradi
     noise = [Link(left, right, points, points[::-1], 40, 40) for left, right in ((1, 2), (3, 4))]
     views = made.views(5, (300, 300))
     links = {(link.left, link.right): link for link in sorted([*true, *noise], key=lambda link: link.left)}
-    layouts, alone = survey.lay_out_all(views, [[0, 1, 2, 3, 4]], links, lambda _layout: {}, lambda _: Agreement())
+    layouts, alone = survey.lay_out_all(views, [[0, 1, 2, 3, 4]], links, lambda _layout: {}, lambda *_: Agreement())
     assert [layout.members for layout in layouts] == [(0, 1), (2, 3)]
     assert list(alone) == [4]
     assert "no plane explains the 40 matches of 3.jpg and 4.jpg" in alone[4]
@@ -134,7 +134,7 @@ def test_photographs_of_things_that_all_look_the_same_are_refused_with_counts(
     layout = Layout(tuple(eyes), 0, eyes, true if false != 2 else true * 4, contradicting)
     monkeypatch.setattr(survey, "lay_out", lambda *_: layout)
     views = made.views(6, (4, 3))
-    layouts, alone = survey.lay_out_all(views, [list(eyes)], {}, lambda _layout: {}, lambda _: Agreement())
+    layouts, alone = survey.lay_out_all(views, [list(eyes)], {}, lambda _layout: {}, lambda *_: Agreement())
     assert [each.members for each in layouts] == ([] if refused else [layout.members])
     reason = "6 of 11 links contradict the layout, and matches that it did not use are 30 px off in the median: "
     reasons = [reason] * 6 if refused else []

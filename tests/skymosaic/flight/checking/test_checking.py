@@ -193,11 +193,13 @@ def test_ground_that_lies_on_other_ground_is_named_with_its_place() -> None:
     assert list(doubts(flight, replace(layout, agreement=layout.agreement.without({2})))) == []
     repeated = replace(agrees, repeats=True)
     assert list(doubts(flight, replace(layout, agreement=Agreement({(0, 1): agrees, (0, 2): repeated})))) == []
-    both = Agreement({(0, 1): agrees, (0, 2): repeated, (1, 2): repeated})
-    assert list(doubts(flight, replace(layout, agreement=both))) == [
+    both = replace(layout, agreement=Agreement({(0, 1): agrees, (0, 2): repeated, (1, 2): repeated}), links=links * 7)
+    closed, doubtful = replace(both, links=links * 8), replace(both, links=links * 500, contradicting=links)
+    warned = [
         "the ground repeats itself: 2 of 3 pairs that overlap by half look the same a step aside, so photographs may "
         "lie a step off: look at the mosaic"
     ]
+    assert [list(doubts(flight, each)) for each in (both, closed, doubtful)] == [warned, [], warned]
 
 
 SIZE_M, CELL_M = np.array([80.0, 60.0]), 0.25

@@ -9,7 +9,14 @@ import pytest
 from golden_model.arrays import Array, Pixels
 from sim.scene.flight import make_lawnmower
 from sim.scene.ground import render_ground
-from skymosaic.flight.layout.agreement import MAX_COMPARED, Agreement, GroundOfPair, find_false_joint, measure_agreement
+from skymosaic.flight.layout.agreement import (
+    MAX_COMPARED,
+    MIN_RECOGNISED,
+    Agreement,
+    GroundOfPair,
+    find_false_joint,
+    measure_agreement,
+)
 from skymosaic.flight.linking.links import Link
 from skymosaic.flight.linking.view import View
 from skymosaic.mosaicking.api import open_run
@@ -102,6 +109,25 @@ def test_ground_that_repeats_itself_tells_nothing_by_what_is_the_same() -> None:
     found = measure_agreement(seen(facade[:, :320], other[:, 40:360], noise(0)[:, 20:340]), aside(0, 80, 40))
     assert found.repeated == found.of(None) == [(0, 1)]
     assert found.pairs[0, 1].same > 10
+    # A road looks the same all along, but not aside; a strip is too thin to tell.
+    road = np.where(abs(np.arange(240) - 120)[:, None] < 20, 220, facade[0, 0]).astype(np.uint8) + np.zeros(
+        (240, 320), np.uint8
+    )
+    assert measure_agreement(seen(road, road), aside(0, 0)).repeated == []
+    assert measure_agreement(seen(facade[:30, :320], facade[:30, :320]), aside(0, 0)).repeated == []
+
+
+def test_what_is_different_amid_the_ties_has_changed() -> None:
+    ground, now = noise(0)[:, :320], noise(0)[:, :320].copy()
+    now[60:180, 100:220] = noise(1)[60:180, 100:220]
+    views, corners = seen(ground, now, ground, now), np.array([(20.0, 20), (620, 20), (620, 460), (20, 460)])
+    apart = measure_agreement(views, aside(0, 0, 0, 0)).pairs[0, 1]
+    linked = measure_agreement(views, aside(0, 0, 0, 0), [Link(0, 1, corners, corners, 4, 4)]).pairs
+    assert apart.different >= MIN_RECOGNISED
+    assert replace(apart, different=0) == linked[0, 1]
+    assert linked[0, 3] == measure_agreement(views, aside(0, 0, 0, 0)).pairs[0, 3]
+    left = [Link(0, 1, corners * (0.2, 1), corners * (0.2, 1), 4, 4)]
+    assert measure_agreement(views, aside(0, 0, 0, 0), left).pairs[0, 1] == apart
 
 
 def test_photographs_of_one_place_are_compared_with_some_of_the_others() -> None:
