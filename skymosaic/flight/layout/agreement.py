@@ -55,11 +55,11 @@ class GroundOfPair:
 
     same: int
     recognised: int
-    """Patches of either that are recognised, and those of them that are the same in the other one."""
+    """Patches of either that are the same in the other one, of those that are recognised."""
     off_px: float
     """How far these are from where the layout puts them, median, working px of the right view."""
     different: int
-    """Recognised patches that have nothing in common with the other one."""
+    """Recognised patches that have nothing in common with the other one, beyond the ties of both."""
     repeats: bool = False
     """Whether each of both looks the same a step aside, so that what is the same tells nothing."""
 
@@ -224,7 +224,7 @@ def find_false_joint(
 
     A joint is judged as a whole, by the recognised patches of all pairs across it: single pairs agree by chance. The
     parts are those into which the tree of the surest links falls without one of them, the least sure first; ``tried``
-    are all links.
+    are all links. Where false links are surer than true ones, as by a twin of 0.8, the part may be a wrong one.
     """
     pairs = np.array([*agreement.pairs])
     counts = np.array([(ground.different, ground.recognised) for ground in agreement.pairs.values()])
