@@ -20,6 +20,7 @@ MEASURED: dict[tuple[str, str], dict[str, float]] = {
     ("IV-2", "25"): {"matches": 154, "good": 141},
     ("stages", "fuzzy correlation, 25x25"): {"TP": 50, "FP": 0, "TN": 13, "FN": 91},
     ("IV-3", "4"): {"matches": 95, "good": 25},
+    ("stages", "fuzzy ILBP, N = 4"): {"TP": 25, "FP": 39, "TN": 31, "FN": 0},
     ("IV-4", "SIFT + ILBP-128"): {"features 1": 271, "matched": 99, "bidirectional": 97, "RANSAC": 95, "inliers": 95},
     ("IV-5", "SIFT + ILBP-128"): {"registered": 1, "RMSE": 0.11, "error": 0.02},
     ("IV-5", "aerial preset"): {"registered": 1, "RMSE": 0.27, "error": 0.02},
