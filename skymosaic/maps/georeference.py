@@ -191,7 +191,8 @@ def fit_to_map(
     if refusal:
         farthest = known[np.argsort(-offsets)][:WORST_NAMED].tolist()
         worst = ", ".join(str(index) if names is None else names[index] for index in farthest)
-        return None, f"{refusal}{worst and f'; farthest off: {worst}'}{'' if refusal_mirrored else MIRRORED}"
+        off = f"; farthest off: {worst}" if worst else ""
+        return None, refusal + off + ("" if refusal_mirrored else MIRRORED)
     all_offsets = np.full(len(points), np.nan)
     all_offsets[known] = offsets
     residual = _rms(offsets[agreeing])

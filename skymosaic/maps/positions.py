@@ -86,7 +86,8 @@ def _parse_line(path: Path, number: int, line: str) -> tuple[str, tuple[float, f
     name, rest = split_name(line)
     with contextlib.suppress(ValueError):
         numbers = [float(each) for each in rest.split()[: ACCURACY_COLUMN + 1]]
-        (x, y), accuracy_m = numbers[:2], sum(numbers[ACCURACY_COLUMN:])
+        x, y = numbers[:2]
+        accuracy_m = numbers[ACCURACY_COLUMN] if len(numbers) > ACCURACY_COLUMN else 0.0
         if np.isfinite(numbers).all() and accuracy_m >= 0:
             return name, (x, y), accuracy_m or None
     raise InputError(f"{path}: line {number} is {line!r}; it must be: photograph, x, y, and perhaps more numbers")

@@ -114,14 +114,7 @@ class Agreement:
 
 def measure_agreement(views: Sequence[View], transforms: Mapping[int, Array], links: Sequence[Link] = ()) -> Agreement:
     """Compare the thumbnails of photographs where a layout by some links lays them on each other."""
-    over: dict[int, list[int]] = {}
-    for (left, right), share in sorted(overlaps(views, transforms).items()):
-        if share >= MIN_OVERLAP:
-            over.setdefault(left, []).append(right)
-    pairs = list[Candidate]()
-    for left, each in over.items():
-        step = 1 if len(each) <= MAX_COMPARED else math.ceil(2 * len(each) / MAX_COMPARED)
-        pairs += [(left, right) for right in each[::step]]
+    pairs = _choose_pairs(views, transforms)
     look = lru_cache(4 * MAX_COMPARED)(lambda member: band_pass(to_gray(views[member].thumbnail), LIGHT_PX))
     repeats = lru_cache(None)(lambda member: _repeats_itself(look(member)))
     fits, recognised = dict[Candidate, Array](), dict[int, NDArray[np.bool_]]()
@@ -146,6 +139,19 @@ def measure_agreement(views: Sequence[View], transforms: Mapping[int, Array], li
         repeated = repeats(left) and repeats(right)
         grounds[left, right] = GroundOfPair(len(off_px), len(told), median_px, different, repeated)
     return Agreement(grounds)
+
+
+def _choose_pairs(views: Sequence[View], transforms: Mapping[int, Array]) -> list[Candidate]:
+    """The pairs of photographs that are compared."""
+    over: dict[int, list[int]] = {}
+    for (left, right), share in sorted(overlaps(views, transforms).items()):
+        if share >= MIN_OVERLAP:
+            over.setdefault(left, []).append(right)
+    pairs = list[Candidate]()
+    for left, each in over.items():
+        step = 1 if len(each) <= MAX_COMPARED else math.ceil(2 * len(each) / MAX_COMPARED)
+        pairs += [(left, right) for right in each[::step]]
+    return pairs
 
 
 def _fit_patches(one: Float32, other: Float32, moved: Array) -> Array:
